@@ -1,0 +1,1 @@
+//! Facets, chains, corners, slits of a planar domain.

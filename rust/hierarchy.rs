@@ -1,0 +1,1 @@
+//! MULTI_LEVEL_COARSEN (Figure 3).

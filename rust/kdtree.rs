@@ -1,0 +1,1 @@
+//! Static k-d tree with a least and a greatest weight in every node.

@@ -1,0 +1,1 @@
+//! ONE_LEVEL_COARSEN (Figure 2).

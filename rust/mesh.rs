@@ -1,0 +1,1 @@
+//! The rules of a legal mesh, checked; edges and adjacency.

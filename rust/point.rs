@@ -1,0 +1,34 @@
+//! Points and the one distance formula.
+//!
+//! Every distance of the package is `sqrt(dx*dx + dy*dy)` in this order and without fused operations, so that the
+//! NumPy reference gives the same bits.
+
+/// A point of dimension `D` (1 to 3).
+pub type Point<const D: usize> = [f64; D];
+
+/// An index that means "none": no cell on that side, no given facet, no tag.
+pub const NONE: u32 = u32::MAX;
+
+/// Squared Euclidean distance.
+#[inline(always)]
+pub fn distance_2<const D: usize>(a: &Point<D>, b: &Point<D>) -> f64 {
+    let mut sum = 0.0;
+    for k in 0..D {
+        let d = a[k] - b[k];
+        sum += d * d;
+    }
+    sum
+}
+
+/// Euclidean distance.
+#[inline(always)]
+pub fn distance<const D: usize>(a: &Point<D>, b: &Point<D>) -> f64 {
+    distance_2(a, b).sqrt()
+}
+
+/// Twice the signed area of the triangle `a`, `b`, `c`, its sign exact: positive where they turn left.
+#[inline(always)]
+pub fn orient(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
+    let coord = |p: &Point<2>| robust::Coord { x: p[0], y: p[1] };
+    robust::orient2d(coord(a), coord(b), coord(c))
+}

@@ -1,0 +1,1 @@
+//! Spacing of a balanced quadtree (section 6.2).

@@ -1,0 +1,1 @@
+//! Conflict graph (Definition 3.5) and greedy maximal independent sets.

@@ -1,0 +1,1 @@
+//! Spacing functions (Definitions 3.2 to 3.4).

@@ -1,0 +1,1 @@
+//! Constrained Delaunay triangulation; the only file that names spade.
