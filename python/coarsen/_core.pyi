@@ -1,0 +1,3 @@
+"""The Rust core; `coarsen.reference` offers the same functions in NumPy."""
+
+__version__: str
