@@ -1,1 +1,341 @@
-//! Static k-d tree with a least and a greatest weight in every node.
+//! Static k-d tree: the one search structure of the package, generic over the dimension.
+//!
+//! Median splits along the widest side of the tight box, ties broken by original index; at most [`LEAF`] points in a
+//! leaf. The nodes form a complete binary tree in heap order (root 1, children `2k` and `2k + 1`), and node `j` of depth
+//! `k` holds the leaf positions `j*n >> k .. (j+1)*n >> k`, so that no ranges are stored. Points are kept in leaf order,
+//! which is a space-filling order too: whoever has many queries asks them in that order.
+//!
+//! Weights are not part of the tree: [`KdTree::node_min`] and [`KdTree::node_max`] fold any values over the nodes in O(n),
+//! and one tree serves as many weights as there are levels.
+//!
+//! Every bound is monotone in floating point: the distance to a box is made of the operations that make the distance to a
+//! point, so the rounded bound never exceeds the rounded distance to a point within. Searches are exact bit for bit.
+
+// coordinates of several points are walked together; an iterator over one of them hides the formula
+#![allow(clippy::needless_range_loop)]
+
+use crate::point::{Point, distance_2};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// The most points in a leaf.
+pub const LEAF: usize = 8;
+
+/// Below this many points a subtree is built, or a block of queries answered, by one thread.
+pub const GRAIN: usize = 8192;
+
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// A closed axis-parallel box; empty where `lo > hi`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds<const D: usize> {
+    /// Least coordinates.
+    pub lo: Point<D>,
+    /// Greatest coordinates.
+    pub hi: Point<D>,
+}
+
+impl<const D: usize> Bounds<D> {
+    /// Holds nothing.
+    pub const EMPTY: Self = Bounds { lo: [f64::INFINITY; D], hi: [f64::NEG_INFINITY; D] };
+
+    /// The tight box of some points.
+    #[inline]
+    pub fn of<'a>(points: impl IntoIterator<Item = &'a Point<D>>) -> Self {
+        let mut bounds = Self::EMPTY;
+        for p in points {
+            for k in 0..D {
+                bounds.lo[k] = if p[k] < bounds.lo[k] { p[k] } else { bounds.lo[k] };
+                bounds.hi[k] = if p[k] > bounds.hi[k] { p[k] } else { bounds.hi[k] };
+            }
+        }
+        bounds
+    }
+
+    /// The tight box of both.
+    #[inline]
+    pub fn merged(&self, other: &Self) -> Self {
+        let mut bounds = *self;
+        for k in 0..D {
+            bounds.lo[k] = if other.lo[k] < bounds.lo[k] { other.lo[k] } else { bounds.lo[k] };
+            bounds.hi[k] = if other.hi[k] > bounds.hi[k] { other.hi[k] } else { bounds.hi[k] };
+        }
+        bounds
+    }
+
+    /// Whether all that is inside lies at one location.
+    #[inline(always)]
+    pub fn is_location(&self) -> bool {
+        self.lo == self.hi
+    }
+
+    /// The axis of the longest side, the first of equals.
+    #[inline]
+    pub fn widest(&self) -> usize {
+        let mut axis = 0;
+        for k in 1..D {
+            if self.hi[k] - self.lo[k] > self.hi[axis] - self.lo[axis] {
+                axis = k;
+            }
+        }
+        axis
+    }
+
+    /// Squared distance to a point; at most [`distance_2`] to any point inside, in floats too.
+    #[inline(always)]
+    pub fn distance_2(&self, x: &Point<D>) -> f64 {
+        let mut sum = 0.0;
+        for k in 0..D {
+            let d = greater(greater(self.lo[k] - x[k], x[k] - self.hi[k]), 0.0);
+            sum += d * d;
+        }
+        sum
+    }
+
+    /// Squared distance to another box; at most [`distance_2`] of any two points inside them, in floats too.
+    #[inline(always)]
+    pub fn gap_2(&self, other: &Self) -> f64 {
+        let mut sum = 0.0;
+        for k in 0..D {
+            let d = greater(greater(self.lo[k] - other.hi[k], other.lo[k] - self.hi[k]), 0.0);
+            sum += d * d;
+        }
+        sum
+    }
+}
+
+/// The tree (see the module).
+#[derive(Debug, Clone)]
+pub struct KdTree<const D: usize> {
+    points: Vec<Point<D>>,
+    order: Vec<u32>,
+    bounds: Vec<Bounds<D>>,
+    first_leaf: usize,
+}
+
+#[derive(Clone, Copy)]
+struct Item<const D: usize> {
+    point: Point<D>,
+    index: u32,
+}
+
+impl<const D: usize> KdTree<D> {
+    /// Builds the tree of finite points, fewer than 2³² of them.
+    ///
+    /// Runtime: O(n log n), in parallel; the result does not depend on the number of threads.
+    pub fn new(points: &[Point<D>]) -> Self {
+        let mut items: Vec<Item<D>> =
+            points.iter().enumerate().map(|(i, &point)| Item { point, index: i as u32 }).collect();
+        let mut first_leaf = 1;
+        while items.len().div_ceil(first_leaf) > LEAF {
+            first_leaf *= 2;
+        }
+        let whole = items.len();
+        arrange(&mut items, 1, whole, first_leaf);
+        let order = items.iter().map(|item| item.index).collect();
+        let points: Vec<Point<D>> = items.iter().map(|item| item.point).collect();
+        drop(items);
+        let mut tree = KdTree { points, order, bounds: Vec::new(), first_leaf };
+        tree.bounds = tree.folded(Bounds::EMPTY, |range| Bounds::of(&tree.points[range]), Bounds::merged);
+        tree
+    }
+
+    /// The points in leaf order.
+    pub fn points(&self) -> &[Point<D>] {
+        &self.points
+    }
+
+    /// Leaf position → original index.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Original index → leaf position.
+    pub fn positions(&self) -> Vec<u32> {
+        let mut positions = vec![0; self.order.len()];
+        for (position, &index) in self.order.iter().enumerate() {
+            positions[index as usize] = position as u32;
+        }
+        positions
+    }
+
+    /// How many points there are.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The box of a node.
+    #[inline(always)]
+    pub fn bounds(&self, node: usize) -> &Bounds<D> {
+        &self.bounds[node]
+    }
+
+    /// Leaf positions of a node.
+    #[inline(always)]
+    pub fn range(&self, node: usize) -> Range<usize> {
+        range(node, self.points.len())
+    }
+
+    /// Leaf positions of every leaf, in order.
+    pub fn leaves(&self) -> impl IndexedParallelIterator<Item = Range<usize>> + '_ {
+        (self.first_leaf..2 * self.first_leaf).into_par_iter().map(|node| self.range(node))
+    }
+
+    /// A value for every node (heap order, entry 0 unused): `leaf` makes it at the leaves, `join` from two children.
+    pub fn folded<T: Copy + Send + Sync>(
+        &self,
+        empty: T,
+        leaf: impl Fn(Range<usize>) -> T + Sync,
+        join: impl Fn(&T, &T) -> T,
+    ) -> Vec<T> {
+        let mut values = vec![empty; 2 * self.first_leaf];
+        let leaves = &mut values[self.first_leaf..];
+        leaves.par_iter_mut().enumerate().with_min_len(GRAIN / LEAF).for_each(|(k, value)| {
+            *value = leaf(self.range(self.first_leaf + k));
+        });
+        for node in (1..self.first_leaf).rev() {
+            values[node] = join(&values[2 * node], &values[2 * node + 1]);
+        }
+        values
+    }
+
+    /// The least of `values` (in leaf order) in every node; NaN counts as absent.
+    pub fn node_min(&self, values: &[f64]) -> Vec<f64> {
+        let least = |a: &f64, b: &f64| if b < a { *b } else { *a };
+        self.folded(f64::INFINITY, |range| values[range].iter().fold(f64::INFINITY, |a, b| least(&a, b)), least)
+    }
+
+    /// The greatest of `values` (in leaf order) in every node; NaN counts as absent.
+    pub fn node_max(&self, values: &[f64]) -> Vec<f64> {
+        let greatest = |a: &f64, b: &f64| if b > a { *b } else { *a };
+        let lowest = f64::NEG_INFINITY;
+        self.folded(lowest, |range| values[range].iter().fold(lowest, |a, b| greatest(&a, b)), greatest)
+    }
+
+    /// Branch and bound: visits the leaves whose `bound` is under the limit, the more promising child first. `visit` gets
+    /// the node and its leaf positions and returns the new limit. A node whose points all share one location is
+    /// visited whole, whatever its size: many copies of a point cost no more than one.
+    #[inline]
+    pub fn search(
+        &self,
+        mut limit: f64,
+        mut bound: impl FnMut(usize) -> f64,
+        mut visit: impl FnMut(usize, Range<usize>) -> f64,
+    ) {
+        let mut stack = [(0.0, 0); 40];
+        let mut top = 0;
+        let mut node = 1;
+        let mut open = bound(node) < limit;
+        loop {
+            if open && node < self.first_leaf && !self.bounds[node].is_location() {
+                let (left, right) = (2 * node, 2 * node + 1);
+                let (left_bound, right_bound) = (bound(left), bound(right));
+                let (near, near_bound, far, far_bound) = if right_bound < left_bound {
+                    (right, right_bound, left, left_bound)
+                } else {
+                    (left, left_bound, right, right_bound)
+                };
+                if far_bound < limit {
+                    stack[top] = (far_bound, far);
+                    top += 1;
+                }
+                (node, open) = (near, near_bound < limit);
+                continue;
+            }
+            if open {
+                limit = visit(node, self.range(node));
+            }
+            loop {
+                if top == 0 {
+                    return;
+                }
+                top -= 1;
+                let (waiting_bound, waiting) = stack[top];
+                if waiting_bound < limit {
+                    (node, open) = (waiting, true);
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The point nearest to `x` among those at a distance over 0 from `apart` (all of them where that is `None`): squared
+    /// distance and leaf position, the least original index of equals. Infinite and `None` where there is none.
+    pub fn nearest(&self, x: &Point<D>, apart: Option<&Point<D>>) -> (f64, Option<usize>) {
+        let mut best = (f64::INFINITY, u32::MAX, None);
+        self.search(
+            f64::INFINITY,
+            |node| {
+                let bounds = &self.bounds[node];
+                let excluded = bounds.is_location() && apart.is_some_and(|a| distance_2(&bounds.lo, a) == 0.0);
+                if excluded { f64::INFINITY } else { bounds.distance_2(x) }
+            },
+            |_, range| {
+                for position in range {
+                    let found = (distance_2(&self.points[position], x), self.order[position]);
+                    let allowed = apart.is_none_or(|a| distance_2(&self.points[position], a) > 0.0);
+                    if allowed && (found.0 < best.0 || (found.0 == best.0 && found.1 < best.1)) {
+                        best = (found.0, found.1, Some(position));
+                    }
+                }
+                best.0.next_up() // equal distances must be visited, for the index decides
+            },
+        );
+        (best.0, best.2)
+    }
+
+    /// Calls `found` with the leaf position and squared distance of every point nearer to `x` than `radius`.
+    pub fn ball(&self, x: &Point<D>, radius: f64, mut found: impl FnMut(usize, f64)) {
+        let radius_2 = (radius * radius).next_up();
+        self.search(
+            radius_2,
+            |node| self.bounds[node].distance_2(x),
+            |_, range| {
+                for position in range {
+                    let d_2 = distance_2(&self.points[position], x);
+                    if d_2.sqrt() < radius {
+                        found(position, d_2);
+                    }
+                }
+                radius_2
+            },
+        );
+    }
+}
+
+/// Leaf positions of `node` in a tree of `n` points.
+#[inline(always)]
+fn range(node: usize, n: usize) -> Range<usize> {
+    let depth = node.ilog2();
+    let j = node - (1 << depth);
+    (j * n) >> depth..((j + 1) * n) >> depth
+}
+
+/// Brings the items of `node` into leaf order.
+fn arrange<const D: usize>(items: &mut [Item<D>], node: usize, whole: usize, first_leaf: usize) {
+    if node >= first_leaf {
+        return;
+    }
+    let bounds = Bounds::of(items.iter().map(|item| &item.point));
+    let axis = bounds.widest();
+    let middle = range(2 * node, whole).len();
+    if middle < items.len() {
+        items
+            .select_nth_unstable_by(middle, |a, b| a.point[axis].total_cmp(&b.point[axis]).then(a.index.cmp(&b.index)));
+    }
+    let (left, right) = items.split_at_mut(middle);
+    if left.len() + right.len() > GRAIN {
+        rayon::join(|| arrange(left, 2 * node, whole, first_leaf), || arrange(right, 2 * node + 1, whole, first_leaf));
+    } else {
+        arrange(left, 2 * node, whole, first_leaf);
+        arrange(right, 2 * node + 1, whole, first_leaf);
+    }
+}

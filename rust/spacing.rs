@@ -1,1 +1,238 @@
-//! Spacing functions (Definitions 3.2 to 3.4).
+//! Spacing functions (Miller, Talmor, Teng 1997, Definitions 3.2 to 3.4).
+//!
+//! - [`nearest`]: NN_P (3.2), at the points and anywhere. Points at a (rounded) distance of 0 count as one.
+//! - [`CoarseSpacing`]: the C-coarsening (3.3), `min_p ( C g(p) + L |p - x| )` with the paper's slope 1 widened to a
+//!   gradation L, and held under the gaps of the domain where given: `min_p ( min(C g(p), cap(p)) + L |p - x| )`.
+//! - `threshold`: 3.4.
+//!
+//! All are exact bit for bit: the minimum over all points of the rounded formula, whatever the order in which they are
+//! met. Searches prune with bounds that are monotone in floating point only (see `kdtree`).
+//!
+//! Queries go in blocks of neighbours: one walk down the tree serves a block, with its box in place of the point, and
+//! starts from what is known already: C g at the query itself, and the site that won at the query before.
+
+use crate::error::Error;
+use crate::kdtree::{Bounds, GRAIN, KdTree, LEAF};
+use crate::point::{Point, distance, distance_2};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Leaves of queries that one thread answers between two looks at the progress.
+const LEAVES_AT_ONCE: usize = GRAIN / LEAF;
+
+/// NN_P at the points of the tree, by original index: the least distance over 0 to another point, infinite where all
+/// points coincide or there is only one.
+///
+/// Runtime: O(n log n) for bounded density, in parallel.
+pub fn nearest<const D: usize>(tree: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
+    let blocks = in_blocks(tree.points(), progress, |points, found| nearest_block(tree, points, found))?;
+    Ok(by_index(tree, &blocks))
+}
+
+/// NN_P anywhere: the radius of the smallest closed ball about x that holds two points of P at different locations.
+pub fn nearest_at<const D: usize>(tree: &KdTree<D>, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
+    in_order_of(at, |queries| {
+        in_blocks(queries, progress, |points, found| {
+            for (x, value) in points.iter().zip(found) {
+                *value = match tree.nearest(x, None).1 {
+                    Some(first) => tree.nearest(x, Some(&tree.points()[first])).0.sqrt(),
+                    None => f64::INFINITY,
+                };
+            }
+        })
+    })
+}
+
+/// max(g, C min g) (Definition 3.4).
+pub fn threshold(g: &[f64], factor: f64) -> Vec<f64> {
+    let least = factor * g.iter().copied().fold(f64::INFINITY, f64::min);
+    g.iter().map(|&value| if value < least { least } else { value }).collect()
+}
+
+/// The C-coarsening of a spacing g over the points of a tree, for any C (see the module).
+#[derive(Debug)]
+pub struct CoarseSpacing<'a, const D: usize> {
+    tree: &'a KdTree<D>,
+    gradation: f64,
+    g: Vec<f64>,
+    least_g: Vec<f64>,
+    cap: Option<Cap>,
+}
+
+/// What holds the spacing down, in leaf order and its minimum by node.
+#[derive(Debug)]
+struct Cap {
+    at: Vec<f64>,
+    least: Vec<f64>,
+}
+
+impl<'a, const D: usize> CoarseSpacing<'a, D> {
+    /// Prepares for g and `cap`, both by original index; an infinite `cap` holds nothing down.
+    ///
+    /// Runtime: O(n).
+    pub fn new(tree: &'a KdTree<D>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
+        let in_leaf_order = |values: &[f64]| -> Vec<f64> { tree.order().iter().map(|&i| values[i as usize]).collect() };
+        let g = in_leaf_order(g);
+        let least_g = tree.node_min(&g);
+        let cap = cap.map(|cap| {
+            let at = in_leaf_order(cap);
+            Cap { least: tree.node_min(&at), at }
+        });
+        CoarseSpacing { tree, gradation, g, least_g, cap }
+    }
+
+    /// f at every point of the tree, by original index.
+    pub fn at_points(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
+        let blocks = in_blocks(self.tree.points(), progress, |points, found| self.block(factor, points, found))?;
+        Ok(by_index(self.tree, &blocks))
+    }
+
+    /// f at any locations; fast when many neighbours are asked for together, in any order.
+    pub fn at(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
+        in_order_of(at, |queries| in_blocks(queries, progress, |points, found| self.block(factor, points, found)))
+    }
+
+    /// f at locations that already are in some spatial order.
+    pub fn at_sorted(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
+        in_blocks(at, progress, |points, found| self.block(factor, points, found))
+    }
+
+    #[inline(always)]
+    fn weight(&self, factor: f64, position: usize) -> f64 {
+        let grown = factor * self.g[position];
+        match &self.cap {
+            Some(cap) if cap.at[position] < grown => cap.at[position],
+            _ => grown,
+        }
+    }
+
+    /// Never over the weight of any point in the node, for rounding is monotone.
+    #[inline(always)]
+    fn least_weight(&self, factor: f64, node: usize) -> f64 {
+        let grown = factor * self.least_g[node];
+        match &self.cap {
+            Some(cap) if cap.least[node] < grown => cap.least[node],
+            _ => grown,
+        }
+    }
+
+    /// f at up to [`GRAIN`] neighbours.
+    fn block(&self, factor: f64, queries: &[Point<D>], found: &mut [f64]) {
+        let (tree, slope) = (self.tree, self.gradation);
+        let mut winner = None;
+        for (queries, best) in queries.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
+            let around = Bounds::of(queries);
+            for (x, best) in queries.iter().zip(best.iter_mut()) {
+                *best = match winner {
+                    Some(p) => self.weight(factor, p) + slope * distance(&tree.points()[p], x),
+                    None => f64::INFINITY,
+                };
+            }
+            tree.search(
+                greatest(best),
+                |node| self.least_weight(factor, node) + slope * tree.bounds(node).gap_2(&around).sqrt(),
+                |node, range| {
+                    let bounds = tree.bounds(node);
+                    let least = self.least_weight(factor, node);
+                    for (x, best) in queries.iter().zip(best.iter_mut()) {
+                        if least + slope * bounds.distance_2(x).sqrt() < *best {
+                            for p in range.clone() {
+                                let value = self.weight(factor, p) + slope * distance(&tree.points()[p], x);
+                                if value < *best {
+                                    *best = value;
+                                    winner = Some(p);
+                                }
+                            }
+                        }
+                    }
+                    greatest(best)
+                },
+            );
+        }
+    }
+}
+
+/// The C-coarsening as one call: g at the points, f at `at` or at the points themselves.
+pub fn coarsened<const D: usize>(
+    points: &[Point<D>],
+    g: &[f64],
+    factor: f64,
+    gradation: f64,
+    at: Option<&[Point<D>]>,
+    progress: &Progress,
+) -> Result<Vec<f64>, Error> {
+    let tree = KdTree::new(points);
+    let spacing = CoarseSpacing::new(&tree, g, None, gradation);
+    match at {
+        Some(at) => spacing.at(factor, at, progress),
+        None => spacing.at_points(factor, progress),
+    }
+}
+
+/// NN_P at a leaf of the same tree or a few neighbours elsewhere.
+fn nearest_block<const D: usize>(tree: &KdTree<D>, queries: &[Point<D>], found: &mut [f64]) {
+    for (queries, best) in queries.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
+        let around = Bounds::of(queries);
+        best.fill(f64::INFINITY);
+        tree.search(
+            f64::INFINITY,
+            |node| tree.bounds(node).gap_2(&around),
+            |node, range| {
+                let bounds = tree.bounds(node);
+                let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
+                for (x, best) in queries.iter().zip(best.iter_mut()) {
+                    if bounds.distance_2(x) < *best {
+                        for p in &tree.points()[range.clone()] {
+                            let d_2 = distance_2(p, x);
+                            if d_2 < *best && d_2 > 0.0 {
+                                *best = d_2;
+                            }
+                        }
+                    }
+                }
+                greatest(best)
+            },
+        );
+        best.iter_mut().for_each(|value| *value = value.sqrt());
+    }
+}
+
+#[inline(always)]
+fn greatest(values: &[f64]) -> f64 {
+    values.iter().fold(f64::NEG_INFINITY, |a, &b| if b > a { b } else { a })
+}
+
+/// Answers spatially sorted queries by blocks in parallel.
+fn in_blocks<const D: usize>(
+    queries: &[Point<D>],
+    progress: &Progress,
+    answer: impl Fn(&[Point<D>], &mut [f64]) + Sync,
+) -> Result<Vec<f64>, Error> {
+    let mut found = vec![0.0; queries.len()];
+    let at_once = LEAVES_AT_ONCE * LEAF;
+    queries.par_chunks(at_once).zip(found.par_chunks_mut(at_once)).try_for_each(|(queries, found)| {
+        progress.check()?;
+        answer(queries, found);
+        progress.advance(queries.len() as u64);
+        Ok(())
+    })?;
+    Ok(found)
+}
+
+/// Brings queries into the leaf order of a tree of their own and their answers back.
+fn in_order_of<const D: usize>(
+    at: &[Point<D>],
+    answers: impl FnOnce(&[Point<D>]) -> Result<Vec<f64>, Error>,
+) -> Result<Vec<f64>, Error> {
+    let tree = KdTree::new(at);
+    Ok(by_index(&tree, &answers(tree.points())?))
+}
+
+/// From leaf order to the original order.
+fn by_index<const D: usize>(tree: &KdTree<D>, in_leaf_order: &[f64]) -> Vec<f64> {
+    let mut values = vec![0.0; in_leaf_order.len()];
+    for (&index, &value) in tree.order().iter().zip(in_leaf_order) {
+        values[index as usize] = value;
+    }
+    values
+}

@@ -1,0 +1,111 @@
+//! Conflict graph and independent sets against brute force.
+
+mod clouds;
+
+use _core::kdtree::KdTree;
+use _core::point::{Point, distance};
+use _core::progress::Progress;
+use _core::selection::{conflict_graph, greedy, skeleton_independent_set};
+use clouds::{cloud, extent, values};
+use proptest::prelude::*;
+
+fn conflict<const D: usize>(points: &[Point<D>], f: &[f64], beta: f64, i: usize, j: usize) -> bool {
+    let d = distance(&points[i], &points[j]);
+    d > 0.0 && d < (f[i] + f[j]) / beta
+}
+
+fn agrees<const D: usize>(
+    points: &[Point<D>],
+    f: &[f64],
+    beta: f64,
+    order: &[u32],
+    keep: &[u32],
+) -> Result<(), TestCaseError> {
+    let (tree, progress) = (KdTree::new(points), Progress::default());
+    let n = points.len();
+    let mut edges = Vec::new();
+    for i in 0..n {
+        for j in i + 1..n {
+            if conflict(points, f, beta, i, j) {
+                edges.push([i as u32, j as u32]);
+            }
+        }
+    }
+    prop_assert_eq!(conflict_graph(&tree, f, beta, &progress)?, edges);
+
+    let mut inside = keep.to_vec();
+    let mut joined = Vec::new();
+    for &i in order {
+        let blocked = inside.iter().any(|&j| i == j || conflict(points, f, beta, i as usize, j as usize));
+        if !blocked {
+            inside.push(i);
+            joined.push(i);
+        }
+    }
+    let mut only_here = vec![f64::NAN; n];
+    order.iter().chain(keep).for_each(|&i| only_here[i as usize] = f[i as usize]);
+    prop_assert_eq!(greedy(&tree, &only_here, beta, order, keep, &progress)?, joined);
+    Ok(())
+}
+
+type Case<const D: usize> = (Vec<Point<D>>, Vec<f64>, f64, Vec<u32>, Vec<u32>);
+
+/// Points, any spacing, beta, an order of some of the points and some to keep.
+fn case<const D: usize>(most: usize) -> impl Strategy<Value = Case<D>> {
+    cloud::<D>(most).prop_flat_map(|points| {
+        let (n, scale) = (points.len(), 0.3 * extent(&points));
+        let all: Vec<u32> = (0..n as u32).collect();
+        let order = Just(all.clone()).prop_shuffle();
+        let kept = prop::sample::subsequence(all, 0..=n.min(4));
+        let spacing = prop_oneof![values(n, scale), Just(vec![0.2 * scale; n])];
+        (Just(points), spacing, 1.05..4.0f64, (order, 0..=n), kept)
+            .prop_map(|(points, f, beta, (order, part), keep)| (points, f, beta, order[..part].to_vec(), keep))
+    })
+}
+
+proptest! {
+    #[test]
+    fn selection_on_a_line_is_brute_force((points, f, beta, order, keep) in case::<1>(90)) {
+        agrees(&points, &f, beta, &order, &keep)?;
+    }
+
+    #[test]
+    fn selection_in_a_plane_is_brute_force((points, f, beta, order, keep) in case::<2>(90)) {
+        agrees(&points, &f, beta, &order, &keep)?;
+    }
+
+    #[test]
+    fn selection_in_space_is_brute_force((points, f, beta, order, keep) in case::<3>(90)) {
+        agrees(&points, &f, beta, &order, &keep)?;
+    }
+
+    #[test]
+    fn the_skeleton_set_is_greedy_on_edges(
+        n in 1..40usize,
+        cells in prop::collection::vec(prop::array::uniform3(0..1000u32), 0..60),
+    ) {
+        let cells: Vec<[u32; 3]> = cells.into_iter().map(|cell| cell.map(|node| node % n as u32)).collect();
+        let mut inside: Vec<u32> = Vec::new();
+        for i in 0..n as u32 {
+            let meets = |j: u32| cells.iter().any(|cell| cell.contains(&i) && cell.contains(&j));
+            if !inside.iter().any(|&j| meets(j)) {
+                inside.push(i);
+            }
+        }
+        prop_assert_eq!(skeleton_independent_set(n, &cells), inside);
+    }
+}
+
+#[test]
+fn the_edge_rule_is_strict() {
+    let (points, progress) = ([[0.0], [1.0], [2.0], [3.0]], Progress::default());
+    let edges = conflict_graph(&KdTree::new(&points), &[1.0, 1.0, 1.0, 1.5], 2.0, &progress);
+    assert_eq!(edges, Ok(vec![[2, 3]]));
+}
+
+#[test]
+fn both_sides_of_a_slit_stay_together() {
+    let (points, progress) = ([[0.0, 0.0], [0.0, 0.0], [0.1, 0.0]], Progress::default());
+    let joined = greedy(&KdTree::new(&points), &[1.0; 3], 2.0, &[0, 1, 2], &[], &progress);
+    assert_eq!(joined, Ok(vec![0, 1]));
+}

@@ -1,0 +1,144 @@
+//! Spacing functions against brute force, bit for bit.
+
+mod clouds;
+
+use _core::kdtree::KdTree;
+use _core::point::{Point, distance};
+use _core::progress::Progress;
+use _core::spacing::{CoarseSpacing, coarsened, nearest, nearest_at, threshold};
+use clouds::{cloud, extent, values};
+use proptest::prelude::*;
+
+fn brute_nearest<const D: usize>(points: &[Point<D>]) -> Vec<f64> {
+    let others = |x| points.iter().map(move |p| distance(p, x)).filter(|&d| d > 0.0);
+    points.iter().map(|x| others(x).fold(f64::INFINITY, f64::min)).collect()
+}
+
+fn brute_nearest_at<const D: usize>(points: &[Point<D>], x: &Point<D>) -> f64 {
+    let Some(first) = points.iter().min_by(|a, b| distance(a, x).total_cmp(&distance(b, x))) else {
+        return f64::INFINITY;
+    };
+    let apart = points.iter().filter(|p| distance(p, first) > 0.0);
+    apart.map(|p| distance(p, x)).fold(f64::INFINITY, f64::min)
+}
+
+fn nearest_agrees<const D: usize>(points: &[Point<D>], shift: f64) -> Result<(), TestCaseError> {
+    let (tree, progress) = (KdTree::new(points), Progress::default());
+    let brute = brute_nearest(points);
+    prop_assert_eq!(&nearest(&tree, &progress)?, &brute);
+    prop_assert_eq!(&nearest_at(&tree, points, &progress)?, &brute);
+    let at: Vec<Point<D>> = points.iter().map(|p| p.map(|x| x + shift)).collect();
+    let brute: Vec<f64> = at.iter().map(|x| brute_nearest_at(points, x)).collect();
+    prop_assert_eq!(nearest_at(&tree, &at, &progress)?, brute);
+    Ok(())
+}
+
+fn coarsened_agrees<const D: usize>(
+    points: &[Point<D>],
+    g: &[f64],
+    cap: &[f64],
+    (factor, gradation): (f64, f64),
+) -> Result<(), TestCaseError> {
+    let (tree, progress) = (KdTree::new(points), Progress::default());
+    let value = |p: usize, x: &Point<D>, cap: f64| (factor * g[p]).min(cap) + gradation * distance(&points[p], x);
+    let brute = |x: &Point<D>| (0..points.len()).map(|p| value(p, x, f64::INFINITY)).fold(f64::INFINITY, f64::min);
+    let at_points: Vec<f64> = points.iter().map(brute).collect();
+    prop_assert_eq!(&coarsened(points, g, factor, gradation, None, &progress)?, &at_points);
+    prop_assert_eq!(&coarsened(points, g, factor, gradation, Some(points), &progress)?, &at_points);
+
+    let at: Vec<Point<D>> = points.iter().map(|p| p.map(|x| x + 0.37 * extent(points))).collect();
+    let elsewhere: Vec<f64> = at.iter().map(brute).collect();
+    prop_assert_eq!(&coarsened(points, g, factor, gradation, Some(&at), &progress)?, &elsewhere);
+
+    let capped = |x: &Point<D>| (0..points.len()).map(|p| value(p, x, cap[p])).fold(f64::INFINITY, f64::min);
+    let spacing = CoarseSpacing::new(&tree, g, Some(cap), gradation);
+    prop_assert_eq!(spacing.at_points(factor, &progress)?, points.iter().map(capped).collect::<Vec<_>>());
+    prop_assert_eq!(spacing.at(factor, &at, &progress)?, at.iter().map(capped).collect::<Vec<_>>());
+    Ok(())
+}
+
+/// Points, spacing and caps at them.
+fn spaced<const D: usize>(most: usize) -> impl Strategy<Value = (Vec<Point<D>>, Vec<f64>, Vec<f64>)> {
+    cloud::<D>(most).prop_flat_map(|points| {
+        let (n, scale) = (points.len(), extent(&points));
+        let cap =
+            prop::collection::vec(prop_oneof![Just(f64::INFINITY), (0.0..1.0f64).prop_map(move |t| t * scale)], n);
+        (Just(points), values(n, scale), cap)
+    })
+}
+
+fn parameters() -> impl Strategy<Value = (f64, f64)> {
+    (prop_oneof![Just(2.0), Just(64.0), 1.0..1e4f64], prop_oneof![Just(1.0), Just(0.5), 0.01..1.0f64])
+}
+
+proptest! {
+    #[test]
+    fn nearest_on_a_line_is_brute_force(points in cloud::<1>(150), t in -1.0..1.0f64) {
+        nearest_agrees(&points, 0.1 * t * extent(&points))?;
+    }
+
+    #[test]
+    fn nearest_in_a_plane_is_brute_force(points in cloud::<2>(150), t in -1.0..1.0f64) {
+        nearest_agrees(&points, 0.1 * t * extent(&points))?;
+    }
+
+    #[test]
+    fn nearest_in_space_is_brute_force(points in cloud::<3>(150), t in -1.0..1.0f64) {
+        nearest_agrees(&points, 0.1 * t * extent(&points))?;
+    }
+
+    #[test]
+    fn coarsened_on_a_line_is_brute_force((points, g, cap) in spaced::<1>(150), how in parameters()) {
+        coarsened_agrees(&points, &g, &cap, how)?;
+    }
+
+    #[test]
+    fn coarsened_in_a_plane_is_brute_force((points, g, cap) in spaced::<2>(150), how in parameters()) {
+        coarsened_agrees(&points, &g, &cap, how)?;
+    }
+
+    #[test]
+    fn coarsened_in_space_is_brute_force((points, g, cap) in spaced::<3>(150), how in parameters()) {
+        coarsened_agrees(&points, &g, &cap, how)?;
+    }
+
+    #[test]
+    fn coarsened_nearest_is_brute_force(points in cloud::<2>(150), how in parameters()) {
+        let g = brute_nearest(&points);
+        let cap = vec![f64::INFINITY; points.len()];
+        coarsened_agrees(&points, &g, &cap, how)?;
+    }
+
+    #[test]
+    fn threshold_lifts_what_is_under_the_least_grown((_, g, _) in spaced::<1>(50), factor in 1.0..10.0f64) {
+        let least = g.iter().copied().fold(f64::INFINITY, f64::min);
+        let brute: Vec<f64> = g.iter().map(|&x| x.max(factor * least)).collect();
+        prop_assert_eq!(threshold(&g, factor), brute);
+    }
+}
+
+#[test]
+fn a_single_location_has_no_nearest_other() {
+    let points = [[0.5, 0.25]; 3];
+    let (tree, progress) = (KdTree::new(&points), Progress::default());
+    assert_eq!(nearest(&tree, &progress), Ok(vec![f64::INFINITY; 3]));
+    assert_eq!(nearest_at(&tree, &[[1.0, 1.0]], &progress), Ok(vec![f64::INFINITY]));
+}
+
+#[test]
+fn many_copies_of_a_few_points_cost_little() {
+    let points: Vec<Point<2>> = (0..200_000).map(|i| [f64::from(i % 3), 0.0]).collect();
+    let (tree, progress) = (KdTree::new(&points), Progress::default());
+    let g = nearest(&tree, &progress).expect("nobody stops it");
+    assert!(g.iter().all(|&x| x == 1.0));
+    let f = CoarseSpacing::new(&tree, &g, None, 1.0).at_points(4.0, &progress).expect("nobody stops it");
+    assert!(f.iter().all(|&x| x == 4.0));
+}
+
+#[test]
+fn a_stopped_call_says_so() {
+    let points: Vec<Point<1>> = (0..100).map(|i| [f64::from(i)]).collect();
+    let (tree, progress) = (KdTree::new(&points), Progress::default());
+    progress.stop();
+    assert_eq!(nearest(&tree, &progress), Err(_core::error::Error::Stopped));
+}
