@@ -1,1 +1,370 @@
-//! MULTI_LEVEL_COARSEN (Figure 3).
+//! MULTI_LEVEL_COARSEN (Figure 3): level i is spaced by the C^i-coarsening of the input's spacing, coarsest level first,
+//! each finer level keeping the nodes of the coarser one, so that levels are node-nested (Lemma 3.6).
+//!
+//! Candidates. As printed, every level looks at every node. With `pool`, level i draws its interior nodes from the
+//! pool made with the spacing of level i - m, a maximal independent set of the interior nodes of the pool before it
+//! (C^m >= 4, so the pool is much finer than the level). Facet vertices are candidates on every level. The work over all
+//! levels is then O(n).
+//!
+//! Depth. The paper takes the number of levels k as given. Without one, k is the first level whose own (not nested) mesh
+//! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
+
+use crate::domain::{Domain, FacetRow};
+use crate::error::Error;
+use crate::kdtree::KdTree;
+use crate::level::{Candidates, Choice, LevelMesh, Rules, select, triangulate};
+use crate::point::{NONE, Point};
+use crate::progress::Progress;
+use crate::selection::greedy;
+use crate::spacing::{CoarseSpacing, nearest, threshold};
+use crate::triangulation::sort_spatially;
+use std::borrow::Cow;
+
+/// A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth.
+pub const STALL: f64 = 0.95;
+
+/// No hierarchy is deeper than this: a factor near 1 could ask for thousands of levels.
+pub const MAX_LEVELS: usize = 512;
+
+/// How levels are spaced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// C-coarsening (Definition 3.3).
+    Function,
+    /// Threshold coarsening (Definition 3.4).
+    Threshold,
+}
+
+/// What a hierarchy is made from.
+pub struct Input<'a> {
+    /// Nodes.
+    pub points: &'a [Point<2>],
+    /// Facet edges.
+    pub facets: &'a [FacetRow],
+    /// Spacing at the nodes; `None` is the nearest-neighbour spacing (Definition 3.2).
+    pub spacing: Option<&'a [f64]>,
+    /// Number of cells.
+    pub n_cells: usize,
+}
+
+/// The options, checked by the caller.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// C > 1.
+    pub factor: f64,
+    /// Number of coarser levels, or until `coarsest`.
+    pub levels: Option<usize>,
+    /// The paper's b.
+    pub coarsest: usize,
+    /// Figure 3 or each level on its own.
+    pub nested: bool,
+    /// Spacing of the levels.
+    pub method: Method,
+    /// Figure 2's beta and delta.
+    pub rules: Rules,
+    /// Lipschitz constant L of the coarsened spacing.
+    pub gradation: f64,
+    /// Whether the spacing is held under the gaps of the domain.
+    pub keep: bool,
+    /// Whether coarse levels draw from pools.
+    pub pool: bool,
+    /// Cosine of the feature angle.
+    pub cos_feature: f64,
+}
+
+/// Why a hierarchy ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stopped {
+    /// The levels asked for are there.
+    Levels,
+    /// The last level has at most `coarsest` cells.
+    Coarsest,
+    /// One more level would hardly be smaller.
+    Stalled,
+}
+
+/// One coarser level.
+pub struct Level {
+    /// Its mesh.
+    pub mesh: LevelMesh,
+    /// C^i.
+    pub factor: f64,
+    /// f_i at its nodes.
+    pub spacing: Vec<f64>,
+    /// Candidates looked at to make it (its pool's share included).
+    pub visits: usize,
+}
+
+struct Pool<'a> {
+    candidates: Candidates<'a>,
+    /// Candidate of the finest pool, by candidate of this one.
+    members: Vec<u32>,
+    /// Candidates looked at to make it.
+    visits: usize,
+}
+
+enum Spacing<'a> {
+    Function(CoarseSpacing<'a, 2>),
+    /// g, and what the gaps of the domain hold it under, at the candidates of the finest pool.
+    Threshold {
+        g: Vec<f64>,
+        held: Vec<f64>,
+    },
+}
+
+/// All that stays the same from level to level.
+struct Builder<'a> {
+    input: &'a Input<'a>,
+    options: Options,
+    progress: &'a Progress,
+    domain: Domain,
+    spacing: Spacing<'a>,
+    /// Levels between a pool and the level that draws from it.
+    lag: usize,
+    euler: i64,
+    pools: Vec<Pool<'a>>,
+    /// Candidate of a node in the pool at hand.
+    candidate_of: Vec<u32>,
+    at_hand: usize,
+}
+
+/// Builds the coarser levels, finest first.
+///
+/// Runtime: O(n log n) for the finest pool's tree and spacing, O(n) for all levels with pools.
+pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Result<(Vec<Level>, Stopped), Error> {
+    progress.enter(0, 1)?;
+    let domain = Domain::new(input.points, input.facets, options.cos_feature)?;
+    let nodes = candidate_nodes(input.points, &domain);
+    let points: Vec<Point<2>> = nodes.iter().map(|&i| input.points[i as usize]).collect();
+    let tree = KdTree::new(&points);
+    progress.enter(1, 1)?;
+    let g = match input.spacing {
+        None => nearest(&tree, progress)?,
+        Some(spacing) => candidate_spacing(spacing, &domain, &nodes),
+    };
+    let cap = options.keep.then(|| {
+        let mut cap = domain.gaps();
+        cap.resize(nodes.len(), f64::INFINITY);
+        cap
+    });
+    let spacing = match options.method {
+        Method::Function => Spacing::Function(CoarseSpacing::new(&tree, &g, cap.as_deref(), options.gradation)),
+        Method::Threshold => {
+            let free = vec![f64::INFINITY; g.len()];
+            let held = match &cap {
+                Some(_) => {
+                    CoarseSpacing::new(&tree, &free, cap.as_deref(), options.gradation).at_points(1.0, progress)?
+                }
+                None => free,
+            };
+            Spacing::Threshold { g, held }
+        }
+    };
+    let boundary = input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).count() as i64;
+    let cells = input.n_cells as i64;
+    let members = (0..nodes.len() as u32).collect();
+    let finest = Pool { candidates: Candidates { tree: Cow::Borrowed(&tree), points, nodes }, members, visits: 0 };
+    let mut builder = Builder {
+        lag: (4f64.ln() / options.factor.ln()).ceil().clamp(1.0, 64.0) as usize,
+        euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
+        candidate_of: vec![NONE; input.points.len()],
+        at_hand: usize::MAX,
+        pools: vec![finest],
+        input,
+        options,
+        progress,
+        domain,
+        spacing,
+    };
+    let (depth, mut stopped) = match options.levels {
+        Some(levels) => (levels, Stopped::Levels),
+        None => builder.depth()?,
+    };
+    let mut levels = Vec::new();
+    let mut seeds = Choice::default();
+    for i in (1..=depth).rev() {
+        if !options.nested {
+            seeds = Choice::default();
+        }
+        let (level, choice) = builder.level(i, &seeds)?;
+        seeds = choice;
+        levels.push(level);
+    }
+    levels.reverse();
+    if options.levels.is_none() {
+        if let Some(first) = levels.iter().position(|level| level.mesh.cells.len() <= options.coarsest) {
+            levels.truncate(first + 1);
+            stopped = Stopped::Coarsest;
+        }
+    }
+    Ok((levels, stopped))
+}
+
+/// Nodes of the candidates: facet vertices, then interior nodes in a spatial order.
+fn candidate_nodes(points: &[Point<2>], domain: &Domain) -> Vec<u32> {
+    let mut on_facet = vec![false; points.len()];
+    domain.nodes().iter().for_each(|&node| on_facet[node as usize] = true);
+    let mut interior: Vec<u32> = (0..points.len() as u32).filter(|&i| !on_facet[i as usize]).collect();
+    sort_spatially(&mut interior, |i| points[i as usize]);
+    let mut nodes: Vec<u32> = (0..domain.len() as u32).map(|v| domain.copies(v)[0]).collect();
+    nodes.append(&mut interior);
+    nodes
+}
+
+/// A given spacing at the candidates, the least of a vertex's copies.
+fn candidate_spacing(spacing: &[f64], domain: &Domain, nodes: &[u32]) -> Vec<f64> {
+    let least = |copies: &[u32]| copies.iter().map(|&i| spacing[i as usize]).fold(f64::INFINITY, f64::min);
+    let facets = (0..domain.len() as u32).map(|v| least(domain.copies(v)));
+    facets.chain(nodes[domain.len()..].iter().map(|&i| spacing[i as usize])).collect()
+}
+
+impl Builder<'_> {
+    fn factor(&self, i: usize) -> f64 {
+        self.options.factor.powi(i as i32)
+    }
+
+    /// f_i at the candidates of a pool.
+    fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
+        let factor = self.factor(i);
+        match &self.spacing {
+            Spacing::Function(spacing) => {
+                // leaf order is spatial, whatever the order of the candidates
+                let in_leaves = spacing.at_sorted(factor, pool.candidates.tree.points(), self.progress)?;
+                let mut f = vec![0.0; in_leaves.len()];
+                for (&k, value) in pool.candidates.tree.order().iter().zip(in_leaves) {
+                    f[k as usize] = value;
+                }
+                Ok(f)
+            }
+            Spacing::Threshold { g, held } => {
+                let own = threshold(g, factor);
+                Ok(pool.members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect())
+            }
+        }
+    }
+
+    /// Makes pools up to the one that level i draws from, and returns its number.
+    fn pool_for(&mut self, i: usize) -> Result<usize, Error> {
+        if !self.options.pool {
+            return Ok(0);
+        }
+        let wanted = i.saturating_sub(self.lag);
+        while self.pools.len() <= wanted {
+            self.progress.check()?;
+            let j = self.pools.len();
+            let facets = self.domain.len();
+            let last = &self.pools[j - 1];
+            let f = self.spacing_in(j, last)?;
+            let mut order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
+            crate::level::rank(&mut order, &f, &last.candidates.nodes);
+            let mut chosen = greedy(&last.candidates.tree, &f, self.options.rules.beta, &order, &[], self.progress)?;
+            // ascending, so that the spatial order of the finest pool stays
+            chosen.sort_unstable();
+            let picked: Vec<u32> = (0..facets as u32).chain(chosen).collect();
+            let points: Vec<Point<2>> = picked.iter().map(|&k| last.candidates.points[k as usize]).collect();
+            let pool = Pool {
+                candidates: Candidates {
+                    tree: Cow::Owned(KdTree::new(&points)),
+                    points,
+                    nodes: picked.iter().map(|&k| last.candidates.nodes[k as usize]).collect(),
+                },
+                members: picked.iter().map(|&k| last.members[k as usize]).collect(),
+                visits: order.len(),
+            };
+            self.pools.push(pool);
+        }
+        Ok(wanted)
+    }
+
+    /// Number of cells that the triangulation of a choice has, by Euler's formula.
+    fn n_cells(&self, choice: &Choice) -> usize {
+        let boundary: i64 = choice
+            .chords
+            .iter()
+            .map(|chord| self.domain.chains[chord.chain as usize].edge(chord.from))
+            .filter(|edge| !edge.interior)
+            .map(|edge| edge.sides.iter().filter(|side| side.is_inside()).count() as i64)
+            .sum();
+        (2 * (choice.size(&self.domain) as i64 - self.euler) - boundary).max(0) as usize
+    }
+
+    /// Selects the nodes of level i.
+    fn choose(&mut self, i: usize, seeds: &Choice) -> Result<(Choice, Vec<f64>, usize), Error> {
+        self.progress.enter(2, 1)?;
+        let p = self.pool_for(i)?;
+        let pool = &self.pools[p];
+        if self.at_hand != p {
+            for (k, &node) in pool.candidates.nodes.iter().enumerate() {
+                self.candidate_of[node as usize] = k as u32;
+            }
+            self.at_hand = p;
+        }
+        let f = self.spacing_in(i, pool)?;
+        self.progress.check()?;
+        let candidate_of = |node: u32| self.candidate_of[node as usize];
+        let choice =
+            select(&self.domain, &pool.candidates, &f, seeds, candidate_of, self.options.rules, self.progress)?;
+        Ok((choice, f, p))
+    }
+
+    /// Makes level i.
+    fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
+        let (mut choice, f, p) = self.choose(i, seeds)?;
+        self.progress.enter(3, 1)?;
+        let mesh = triangulate(&self.domain, self.input.points, &mut choice)?;
+        let pool = &self.pools[p];
+        let mut copies = std::collections::HashMap::new();
+        for v in (0..self.domain.len() as u32).filter(|&v| choice.kept[v as usize]) {
+            copies.extend(self.domain.copies(v).iter().map(|&node| (node, v)));
+        }
+        let candidate = |node: &u32| copies.get(node).copied().unwrap_or_else(|| self.candidate_of[*node as usize]);
+        let spacing = mesh.nodes.iter().map(|node| f[candidate(node) as usize]).collect();
+        let visits = pool.candidates.nodes.len() + if p > 0 && i == p + self.lag { pool.visits } else { 0 };
+        Ok((Level { mesh, factor: self.factor(i), spacing, visits }, choice))
+    }
+
+    /// The depth of a hierarchy of open depth, and why it ends there.
+    fn depth(&mut self) -> Result<(usize, Stopped), Error> {
+        let coarsest = self.options.coarsest;
+        let mut sizes = vec![self.input.n_cells];
+        // pools tell roughly where to begin, without a selection on the fine levels
+        let mut depth = 1;
+        if self.options.pool {
+            loop {
+                let p = self.pool_for(depth + self.lag)?;
+                let (now, before) = (self.pools[p].members.len(), self.pools[p - 1].members.len());
+                if 2 * now <= coarsest || now as f64 > STALL * before as f64 || depth == MAX_LEVELS {
+                    break;
+                }
+                depth += 1;
+            }
+        }
+        let mut size = |builder: &mut Self, i: usize| -> Result<usize, Error> {
+            sizes.resize(sizes.len().max(i + 1), usize::MAX);
+            if sizes[i] == usize::MAX {
+                let (choice, ..) = builder.choose(i, &Choice::default())?;
+                sizes[i] = builder.n_cells(&choice);
+            }
+            Ok(sizes[i])
+        };
+        while depth > 1 {
+            let (now, before) = (size(self, depth)?, size(self, depth - 1)?);
+            if before > coarsest && (now as f64) <= STALL * before as f64 {
+                break;
+            }
+            depth -= 1;
+        }
+        loop {
+            let now = size(self, depth)?;
+            if now <= coarsest {
+                return Ok((depth, Stopped::Coarsest));
+            }
+            if depth == MAX_LEVELS || size(self, depth + 1)? as f64 > STALL * now as f64 {
+                // not even the first level may be worth having
+                let worth = depth > 1 || now as f64 <= STALL * self.input.n_cells as f64;
+                return Ok((if worth { depth } else { 0 }, Stopped::Stalled));
+            }
+            depth += 1;
+        }
+    }
+}

@@ -1,1 +1,324 @@
-//! ONE_LEVEL_COARSEN (Figure 2).
+//! ONE_LEVEL_COARSEN (Figure 2), on domains with facets.
+//!
+//! Steps: (1) classes P0 (corners), P1 (other facet vertices), P2 (interior nodes); (2) f is given at all candidates;
+//! (3) facet vertices are selected first, P0 kept whole, then P1 greedily; vertices are put back until their chords are a
+//! valid coarse domain; (4) the interior candidates keep away from the *coarse* facets by delta * f and stay inside;
+//! (5) a maximal independent set of their conflict graph, after all that was kept before; (6) the constrained Delaunay
+//! triangulation of what is kept, cells outside flooded away.
+//!
+//! Within a class the order is descending f, ties by node. Departures from the figure: distances are taken to the
+//! chords rather than to the input's boundary, and chords are repaired; on the unit square both are the same.
+
+use crate::domain::{Chord, Domain, segment_distance_2};
+use crate::error::Error;
+use crate::kdtree::{Bounds, KdTree};
+use crate::point::{NONE, Point};
+use crate::progress::Progress;
+use crate::selection::greedy;
+use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
+use std::borrow::Cow;
+use std::collections::HashMap;
+
+/// The candidates of a level: all facet vertices, then interior nodes.
+pub struct Candidates<'a> {
+    /// Candidate `k` is facet vertex `k` for `k < domain.len()`.
+    pub tree: Cow<'a, KdTree<2>>,
+    /// Their coordinates.
+    pub points: Vec<Point<2>>,
+    /// Their nodes (the first copy of a facet vertex).
+    pub nodes: Vec<u32>,
+}
+
+/// The parameters of Figure 2.
+#[derive(Debug, Clone, Copy)]
+pub struct Rules {
+    /// beta > 1 of the conflict graph.
+    pub beta: f64,
+    /// Interior nodes stay delta * f away from facets.
+    pub delta: f64,
+}
+
+/// What a level keeps.
+#[derive(Debug, Clone, Default)]
+pub struct Choice {
+    /// By facet vertex.
+    pub kept: Vec<bool>,
+    /// Interior nodes.
+    pub interior: Vec<u32>,
+    /// Chords of the kept facet vertices.
+    pub chords: Vec<Chord>,
+}
+
+impl Choice {
+    /// Number of nodes, copies counted, and of cells that the triangulation will have.
+    pub fn size(&self, domain: &Domain) -> usize {
+        let facet: usize = (0..self.kept.len()).filter(|&v| self.kept[v]).map(|v| domain.copies(v as u32).len()).sum();
+        facet + self.interior.len()
+    }
+}
+
+/// The order of the greedy pass within a class: descending f, ties by node.
+pub fn rank(order: &mut [u32], f: &[f64], nodes: &[u32]) {
+    order.sort_unstable_by(|&a, &b| {
+        let (a, b) = (a as usize, b as usize);
+        f[b].total_cmp(&f[a]).then(nodes[a].cmp(&nodes[b]))
+    });
+}
+
+/// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms).
+/// `f` is by candidate, `candidate_of` gives the candidate of a node.
+pub fn select(
+    domain: &Domain,
+    candidates: &Candidates<'_>,
+    f: &[f64],
+    seeds: &Choice,
+    candidate_of: impl Fn(u32) -> u32,
+    rules: Rules,
+    progress: &Progress,
+) -> Result<Choice, Error> {
+    let facets = domain.len();
+    let first = |v: usize| domain.corner[v] || seeds.kept.get(v).copied().unwrap_or(false);
+    let mut keep: Vec<u32> = (0..facets).filter(|&v| first(v)).map(|v| v as u32).collect();
+    keep.extend(seeds.interior.iter().map(|&node| candidate_of(node)));
+    let mut order: Vec<u32> = (0..facets).filter(|&v| !first(v)).map(|v| v as u32).collect();
+    rank(&mut order, f, &candidates.nodes);
+    let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
+    let mut kept = vec![false; facets];
+    for &v in keep.iter().chain(&chosen).filter(|&&v| (v as usize) < facets) {
+        kept[v as usize] = true;
+    }
+    let obstacles: Vec<Point<2>> =
+        seeds.interior.iter().map(|&node| candidates.points[candidate_of(node) as usize]).collect();
+    let chords = domain.repair(&mut kept, &obstacles);
+
+    let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
+    keep.extend(seeds.interior.iter().map(|&node| candidate_of(node)));
+    let excluded = near_facets(domain, candidates, f, &chords, rules.delta);
+    let mut seeded = vec![false; candidates.nodes.len() - facets];
+    seeds.interior.iter().for_each(|&node| seeded[candidate_of(node) as usize - facets] = true);
+    let mut order: Vec<u32> =
+        (0..seeded.len()).filter(|&k| !excluded[k] && !seeded[k]).map(|k| (k + facets) as u32).collect();
+    rank(&mut order, f, &candidates.nodes);
+    let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
+    let mut interior = seeds.interior.clone();
+    interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
+    Ok(Choice { kept, interior, chords })
+}
+
+/// Interior candidates that are nearer to a chord than delta * f, or in the region that a chord cuts off or adds.
+fn near_facets(domain: &Domain, candidates: &Candidates<'_>, f: &[f64], chords: &[Chord], delta: f64) -> Vec<bool> {
+    let facets = domain.len();
+    let mut excluded = vec![false; candidates.nodes.len() - facets];
+    let tree: &KdTree<2> = &candidates.tree;
+    let in_leaves: Vec<f64> = tree.order().iter().map(|&k| f[k as usize]).collect();
+    let most = tree.node_max(&in_leaves);
+    for chord in chords {
+        let [a, b] = chord.vertices.map(|v| domain.points[v as usize]);
+        let segment = Bounds::of([&a, &b]);
+        let reached = |node: usize| {
+            let reach = delta * most[node];
+            tree.bounds(node).gap_2(&segment) < reach * reach
+        };
+        each_in(tree, reached, |k| {
+            if k >= facets && segment_distance_2(&candidates.points[k], &a, &b) < (delta * f[k]) * (delta * f[k]) {
+                excluded[k - facets] = true;
+            }
+        });
+        if chord.deviation_2 > 0.0 {
+            let piece = Bounds::of(domain.piece(chord).map(|v| &domain.points[v as usize]));
+            each_in(
+                tree,
+                |node| tree.bounds(node).gap_2(&piece) == 0.0,
+                |k| {
+                    if k >= facets && !excluded[k - facets] && domain.holds(chord, &candidates.points[k]) {
+                        excluded[k - facets] = true;
+                    }
+                },
+            );
+        }
+    }
+    excluded
+}
+
+/// Calls `found` with every candidate in the tree nodes that are `wanted`.
+fn each_in(tree: &KdTree<2>, wanted: impl Fn(usize) -> bool, mut found: impl FnMut(usize)) {
+    tree.search(
+        1.0,
+        |node| if wanted(node) { 0.0 } else { 2.0 },
+        |_, range| {
+            tree.order()[range].iter().for_each(|&k| found(k as usize));
+            1.0
+        },
+    );
+}
+
+/// A coarse mesh in the terms of the input's nodes.
+#[derive(Debug, Clone, Default)]
+pub struct LevelMesh {
+    /// Nodes of the input mesh, ascending.
+    pub nodes: Vec<u32>,
+    /// Cells, as indices into `nodes`.
+    pub cells: Vec<[u32; 3]>,
+    /// Tags of the cells.
+    pub cell_tags: Vec<i64>,
+    /// Facet edges, boundary first with their cell on the left, as indices into `nodes`.
+    pub facets: Vec<[u32; 2]>,
+    /// Left and right cell of each, [`NONE`] where there is none.
+    pub facet_cells: Vec<[u32; 2]>,
+    /// Tag of each that stems from a given facet.
+    pub facet_tags: Vec<Option<i64>>,
+    /// How many of the facets are boundary.
+    pub n_boundary: usize,
+}
+
+/// Triangulates a choice; facet vertices are put back where a chord can't be an edge.
+pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) -> Result<LevelMesh, Error> {
+    loop {
+        // sites in a spatial order: facet vertices (as they are) and interior nodes (offset by their number)
+        let facets = domain.len() as u32;
+        let mut sites: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
+        sites.extend(choice.interior.iter().map(|&node| facets + node));
+        let place = |s: u32| if s < facets { domain.points[s as usize] } else { points[(s - facets) as usize] };
+        sort_spatially(&mut sites, place);
+        let site_points: Vec<Point<2>> = sites.iter().map(|&s| place(s)).collect();
+        let mut site_of = vec![NONE; domain.len()];
+        for (k, &s) in sites.iter().enumerate().filter(|&(_, &s)| s < facets) {
+            site_of[s as usize] = k as u32;
+        }
+        let constraints: Vec<Constraint> = choice
+            .chords
+            .iter()
+            .map(|chord| {
+                let edge = domain.chains[chord.chain as usize].edge(chord.from);
+                let [left, right] = edge.sides.map(|side| side.is_inside());
+                Constraint { ends: chord.vertices.map(|v| site_of[v as usize]), left, right, wall: !edge.interior }
+            })
+            .collect();
+        match inside(&site_points, &constraints)? {
+            Inside::Cells(cells) => return assemble(domain, choice, &sites, &cells),
+            Inside::Failed(failed) => {
+                for c in failed {
+                    let chord = &choice.chords[c as usize];
+                    if chord.to == chord.from + 1 {
+                        return Err(Error::Internal(format!("facet edge {:?} can't be kept", chord.vertices)));
+                    }
+                    choice.kept[chord.farthest as usize] = true;
+                }
+                let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&node| points[node as usize]).collect();
+                choice.chords = domain.repair(&mut choice.kept, &obstacles);
+            }
+        }
+    }
+}
+
+/// Turns sites into node copies, carries tags to cells, lists the facets.
+fn assemble(domain: &Domain, choice: &Choice, sites: &[u32], cells: &Cells) -> Result<LevelMesh, Error> {
+    let facets = domain.len() as u32;
+    let mut nodes: Vec<u32> = choice.interior.clone();
+    nodes.extend(sites.iter().filter(|&&s| s < facets).flat_map(|&s| domain.copies(s)));
+    nodes.sort_unstable();
+    let mut shared: HashMap<u32, u32> = HashMap::new();
+    let index_of = |node: u32| nodes.binary_search(&node).map_or(NONE, |i| i as u32);
+    // index of the node of each site with one copy
+    let single: Vec<u32> = sites
+        .iter()
+        .map(|&s| match s.checked_sub(facets) {
+            Some(node) => index_of(node),
+            None => match domain.copies(s) {
+                [node] => index_of(*node),
+                _ => NONE,
+            },
+        })
+        .collect();
+    let mut out = LevelMesh { cell_tags: tags(domain, &choice.chords, cells), ..LevelMesh::default() };
+    out.cells.reserve(cells.cells.len());
+    for (t, cell) in cells.cells.iter().enumerate() {
+        let mut corners = [NONE; 3];
+        for k in 0..3 {
+            corners[k] = single[cell[k] as usize];
+            if corners[k] == NONE {
+                let node = copy_at(domain, &choice.chords, cells, t as u32, cell[k])?;
+                corners[k] = *shared.entry(node).or_insert_with(|| index_of(node));
+            }
+        }
+        out.cells.push(corners);
+    }
+    let mut beside = vec![[NONE; 2]; choice.chords.len()];
+    for (t, around) in cells.constraints.iter().enumerate() {
+        for &c in around.iter().filter(|&&c| c != NONE) {
+            beside[c as usize / 2][c as usize % 2] = t as u32;
+        }
+    }
+    for interior in [false, true] {
+        for (chord, &[left, right]) in choice.chords.iter().zip(&beside) {
+            let chain = &domain.chains[chord.chain as usize];
+            let (first, last) = (chain.edge(chord.from), chain.edge(chord.to - 1));
+            if first.interior != interior {
+                continue;
+            }
+            for s in 0..if interior { 1 } else { 2 } {
+                let side = first.sides[s];
+                if !side.is_inside() {
+                    continue;
+                }
+                let ends = [index_of(side.tail), index_of(last.sides[s].head)];
+                out.facets.push(if s == 0 { ends } else { [ends[1], ends[0]] });
+                out.facet_cells.push(if interior { [left, right] } else { [[left, right][s], NONE] });
+                out.facet_tags.push(side.given.then_some(side.tag));
+            }
+        }
+        if !interior {
+            out.n_boundary = out.facets.len();
+        }
+    }
+    out.nodes = nodes;
+    Ok(out)
+}
+
+/// The copy of a doubled vertex that a cell has: turn clockwise around it to the wall, and ask the wall's side.
+fn copy_at(domain: &Domain, chords: &[Chord], cells: &Cells, cell: u32, site: u32) -> Result<u32, Error> {
+    let mut at = cell as usize;
+    for _ in 0..=cells.cells.len() {
+        let Some(k) = (0..3).find(|&k| cells.cells[at][k] == site) else { break };
+        if cells.neighbours[at][k] != NONE {
+            at = cells.neighbours[at][k] as usize;
+            continue;
+        }
+        let constraint = cells.constraints[at][k];
+        let chord = &chords[constraint as usize / 2];
+        let chain = &domain.chains[chord.chain as usize];
+        return Ok(if constraint % 2 == 0 {
+            chain.edge(chord.from).sides[0].tail
+        } else {
+            chain.edge(chord.to - 1).sides[1].head
+        });
+    }
+    Err(Error::Internal(format!("no wall around site {site}")))
+}
+
+/// Tag of each cell: from the sides of the chords, flooded up to the next chord.
+fn tags(domain: &Domain, chords: &[Chord], cells: &Cells) -> Vec<i64> {
+    let mut tags = vec![0; cells.cells.len()];
+    let mut known = vec![false; cells.cells.len()];
+    let mut stack = Vec::new();
+    for t in 0..cells.cells.len() {
+        if let Some(&c) = cells.constraints[t].iter().find(|&&c| c != NONE) {
+            let chord = &chords[c as usize / 2];
+            let side = domain.chains[chord.chain as usize].edge(chord.from).sides[c as usize % 2];
+            if !known[t] {
+                (tags[t], known[t]) = (side.cell_tag, true);
+                stack.push(t);
+            }
+        }
+        while let Some(at) = stack.pop() {
+            for k in 0..3 {
+                let next = cells.neighbours[at][k];
+                if next != NONE && cells.constraints[at][k] == NONE && !known[next as usize] {
+                    (tags[next as usize], known[next as usize]) = (tags[at], true);
+                    stack.push(next as usize);
+                }
+            }
+        }
+    }
+    tags
+}

@@ -1,1 +1,208 @@
 //! Constrained Delaunay triangulation; the only file that names spade.
+//!
+//! Points are inserted in the order given (callers give a spatial one: a walk from the last point is then short).
+//! Cells outside the domain are found by flooding from the left sides of directed boundary edges, not by spade's parity
+//! rule, which takes a loop of interior facets for a hole.
+
+use crate::error::Error;
+use crate::point::{NONE, Point};
+use spade::handles::{DirectedEdgeHandle, FixedVertexHandle};
+use spade::{CdtEdge, ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
+
+type Cdt = ConstrainedDelaunayTriangulation<Point2<f64>>;
+type Edge<'a> = DirectedEdgeHandle<'a, Point2<f64>, (), CdtEdge<()>, ()>;
+
+/// Smallest magnitude that spade takes; what is nearer to zero is taken for zero.
+const TINY: f64 = spade::MIN_ALLOWED_VALUE;
+
+/// A constrained edge and what may be flooded across it.
+#[derive(Debug, Clone, Copy)]
+pub struct Constraint {
+    /// Its ends.
+    pub ends: [u32; 2],
+    /// Whether cells lie on its left.
+    pub left: bool,
+    /// Whether cells lie on its right.
+    pub right: bool,
+    /// Whether a flood stops here (boundary, slit), rather than passing (interface).
+    pub wall: bool,
+}
+
+/// Cells of a triangulation.
+#[derive(Debug, Clone, Default)]
+pub struct Cells {
+    /// Corner points of each cell, counter-clockwise.
+    pub cells: Vec<[u32; 3]>,
+    /// Neighbour across the edge that starts at each corner, [`NONE`] at a wall.
+    pub neighbours: Vec<[u32; 3]>,
+    /// Constraint on that edge times two, plus one where the cell lies on its right; [`NONE`] where it is no constraint.
+    pub constraints: Vec<[u32; 3]>,
+}
+
+fn insert_all(points: &[Point<2>]) -> Result<Cdt, Error> {
+    let mut cdt = Cdt::with_capacity(points.len(), points.len() * 3, points.len() * 2);
+    for (i, p) in points.iter().enumerate() {
+        let [x, y] = p.map(|c| if c.abs() < TINY { 0.0 } else { c });
+        let handle = cdt.insert(Point2::new(x, y)).map_err(|e| Error::Argument(format!("point {i} at {p:?}: {e}")))?;
+        if handle.index() != i {
+            return Err(Error::Argument(format!("point {i} repeats point {} at {p:?}", handle.index())));
+        }
+    }
+    Ok(cdt)
+}
+
+fn vertex(i: u32) -> FixedVertexHandle {
+    FixedVertexHandle::from_index(i as usize)
+}
+
+/// Adds the constraints; returns those that can't be: they cross one that is there, or pass through a point.
+fn constrain(cdt: &mut Cdt, ends: impl Iterator<Item = [u32; 2]>) -> Vec<u32> {
+    let mut failed = Vec::new();
+    for (c, [a, b]) in ends.enumerate() {
+        if cdt.can_add_constraint(vertex(a), vertex(b)) {
+            cdt.add_constraint(vertex(a), vertex(b));
+        }
+        let there = cdt.get_edge_from_neighbors(vertex(a), vertex(b));
+        if !there.is_some_and(|edge| edge.is_constraint_edge()) {
+            failed.push(c as u32);
+        }
+    }
+    failed
+}
+
+/// Delaunay triangulation of the convex hull, with given edges kept.
+///
+/// # Errors
+/// [`Error::Argument`] where points repeat, or where an edge crosses another or passes through a point.
+pub fn delaunay(points: &[Point<2>], edges: &[[u32; 2]]) -> Result<Vec<[u32; 3]>, Error> {
+    let mut cdt = insert_all(points)?;
+    if let Some(&bad) = constrain(&mut cdt, edges.iter().copied()).first() {
+        let [a, b] = edges[bad as usize];
+        return Err(Error::Argument(format!(
+            "'facets' row {bad} (points {a} and {b}) crosses another facet or passes through a point"
+        )));
+    }
+    Ok(cdt.inner_faces().map(|face| face.vertices().map(|v| v.fix().index() as u32)).collect())
+}
+
+/// [`delaunay`] of points in any order, inserted along a Hilbert curve; duplicates and indices are checked.
+pub fn delaunay_of(points: &[Point<2>], edges: &[[u32; 2]]) -> Result<Vec<[u32; 3]>, Error> {
+    for (row, ends) in edges.iter().enumerate() {
+        if let Some(&i) = ends.iter().find(|&&i| i as usize >= points.len()) {
+            return Err(Error::Argument(format!("'facets' row {row} names point {i} of {}", points.len())));
+        }
+    }
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    sort_spatially(&mut order, |i| points[i as usize]);
+    let mut place = vec![0; points.len()];
+    order.iter().enumerate().for_each(|(k, &i)| place[i as usize] = k as u32);
+    let sorted: Vec<Point<2>> = order.iter().map(|&i| points[i as usize]).collect();
+    let moved: Vec<[u32; 2]> = edges.iter().map(|ends| ends.map(|i| place[i as usize])).collect();
+    let cells = delaunay(&sorted, &moved)?;
+    Ok(cells.iter().map(|cell| cell.map(|k| order[k as usize])).collect())
+}
+
+/// Outcome of [`inside`].
+pub enum Inside {
+    /// The cells of the domain.
+    Cells(Cells),
+    /// Constraints that could not be added.
+    Failed(Vec<u32>),
+}
+
+/// Cells of the constrained Delaunay triangulation that lie inside the walls.
+pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside, Error> {
+    let mut cdt = insert_all(points)?;
+    let failed = constrain(&mut cdt, constraints.iter().map(|c| c.ends));
+    if !failed.is_empty() {
+        return Ok(Inside::Failed(failed));
+    }
+    let mut on_edge = vec![NONE; cdt.num_directed_edges()];
+    let mut cell_of = vec![NONE; cdt.num_all_faces()];
+    let mut faces = Vec::new();
+    for (c, constraint) in constraints.iter().enumerate() {
+        let [a, b] = constraint.ends;
+        let Some(edge) = cdt.get_edge_from_neighbors(vertex(a), vertex(b)) else { continue };
+        on_edge[edge.fix().index()] = 2 * c as u32;
+        on_edge[edge.rev().fix().index()] = 2 * c as u32 + 1;
+        for (edge, is_inside) in [(edge, constraint.left), (edge.rev(), constraint.right)] {
+            if is_inside {
+                visit(edge, &mut cell_of, &mut faces)?;
+            }
+        }
+    }
+    let is_wall = |c: u32| c != NONE && constraints[c as usize / 2].wall;
+    let mut at = 0;
+    while at < faces.len() {
+        let face = cdt.face(faces[at]);
+        for edge in face.adjacent_edges() {
+            if !is_wall(on_edge[edge.fix().index()]) {
+                visit(edge.rev(), &mut cell_of, &mut faces)?;
+            }
+        }
+        at += 1;
+    }
+    let mut out = Cells::default();
+    for &face in &faces {
+        let edges = cdt.face(face).adjacent_edges();
+        out.cells.push(edges.map(|e| e.from().fix().index() as u32));
+        out.constraints.push(edges.map(|e| on_edge[e.fix().index()]));
+        out.neighbours.push(
+            edges.map(|e| if is_wall(on_edge[e.fix().index()]) { NONE } else { cell_of[e.rev().face().fix().index()] }),
+        );
+    }
+    Ok(Inside::Cells(out))
+}
+
+type FaceHandle = spade::handles::FixedFaceHandle<spade::handles::InnerTag>;
+
+fn visit(edge: Edge<'_>, cell_of: &mut [u32], faces: &mut Vec<FaceHandle>) -> Result<(), Error> {
+    let Some(face) = edge.face().as_inner() else {
+        return Err(Error::Internal("the flood of the domain left the convex hull".into()));
+    };
+    let index = face.fix().index();
+    if cell_of[index] == NONE {
+        cell_of[index] = faces.len() as u32;
+        faces.push(face.fix());
+    }
+    Ok(())
+}
+
+/// Sorts indices along a Hilbert curve through the bounding box of their points, ties by index.
+pub fn sort_spatially(indices: &mut Vec<u32>, point: impl Fn(u32) -> Point<2>) {
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for &i in indices.iter() {
+        for (k, x) in point(i).into_iter().enumerate() {
+            low[k] = low[k].min(x);
+            high[k] = high[k].max(x);
+        }
+    }
+    let extent = (high[0] - low[0]).max(high[1] - low[1]);
+    let scale = if extent > 0.0 { f64::from(u32::MAX) / extent } else { 0.0 };
+    let mut keyed: Vec<(u64, u32)> = indices
+        .iter()
+        .map(|&i| {
+            let [x, y] = point(i);
+            (hilbert(((x - low[0]) * scale) as u32, ((y - low[1]) * scale) as u32), i)
+        })
+        .collect();
+    keyed.sort_unstable();
+    indices.clear();
+    indices.extend(keyed.into_iter().map(|(_, i)| i));
+}
+
+/// Place of a cell of a 2^32 by 2^32 lattice along the Hilbert curve.
+fn hilbert(mut x: u32, mut y: u32) -> u64 {
+    let mut place = 0u64;
+    for bit in (0..32).rev() {
+        let (rx, ry) = ((x >> bit) & 1, (y >> bit) & 1);
+        place = place << 2 | u64::from((3 * rx) ^ ry);
+        if ry == 0 {
+            if rx == 1 {
+                (x, y) = (!x, !y);
+            }
+            (x, y) = (y, x);
+        }
+    }
+    place
+}

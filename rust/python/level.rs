@@ -1,8 +1,158 @@
-//! Bindings of `level`.
+//! Bindings of the triangulation and of the hierarchy.
 
+use super::run::run;
+use crate::domain::FacetRow;
+use crate::error::Error;
+use crate::hierarchy::{Input, Level, Method, Options, Stopped, hierarchy};
+use crate::level::Rules;
+use crate::point::{NONE, Point};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// Adds this file's functions to the module.
-pub fn register(_m: &Bound<'_, PyModule>) -> PyResult<()> {
-    Ok(())
+pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_function(wrap_pyfunction!(py_delaunay, m)?)?;
+    m.add_function(wrap_pyfunction!(py_hierarchy, m)?)
+}
+
+fn rows<'a, T: numpy::Element, const K: usize>(
+    name: &str,
+    array: &'a PyReadonlyArray2<'_, T>,
+) -> PyResult<&'a [[T; K]]> {
+    let shape = numpy::PyUntypedArrayMethods::shape(&**array).to_vec();
+    let wrong = || Error::Argument(format!("'{name}' has shape {shape:?}, expected (n, {K}) in C order"));
+    if shape[1] != K || !numpy::PyUntypedArrayMethods::is_c_contiguous(&**array) {
+        return Err(wrong().into());
+    }
+    let (whole, rest) = array.as_slice().map_err(|_| wrong())?.as_chunks::<K>();
+    if rest.is_empty() { Ok(whole) } else { Err(wrong().into()) }
+}
+
+fn index_array<'py, const K: usize>(py: Python<'py>, rows: &[[u32; K]]) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    let flat: Vec<i64> = rows.iter().flatten().map(|&i| if i == NONE { -1 } else { i64::from(i) }).collect();
+    flat.into_pyarray(py).reshape([rows.len(), K])
+}
+
+#[pyfunction(name = "delaunay")]
+fn py_delaunay<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<'py, f64>,
+    facets: Option<PyReadonlyArray2<'py, i64>>,
+) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    let points: &[Point<2>] = rows("points", &points)?;
+    let edges: Vec<[u32; 2]> = match &facets {
+        Some(facets) => rows::<i64, 2>("facets", facets)?.iter().map(|row| row.map(|i| i as u32)).collect(),
+        None => Vec::new(),
+    };
+    let cells = run(py, None, None, |_| crate::triangulation::delaunay_of(points, &edges))?;
+    index_array(py, &cells)
+}
+
+/// The options that the core needs, by the names of `coarsen.options.Options`.
+#[derive(FromPyObject)]
+struct PyOptions {
+    factor: f64,
+    levels: Option<usize>,
+    coarsest: usize,
+    nested: bool,
+    method: String,
+    beta: f64,
+    delta: f64,
+    gradation: f64,
+    features: String,
+    candidates: String,
+    feature_angle: f64,
+}
+
+impl PyOptions {
+    fn core(&self) -> Options {
+        Options {
+            factor: self.factor,
+            levels: self.levels,
+            coarsest: self.coarsest,
+            nested: self.nested,
+            method: if self.method == "threshold" { Method::Threshold } else { Method::Function },
+            rules: Rules { beta: self.beta, delta: self.delta },
+            gradation: self.gradation,
+            keep: self.features != "plain",
+            pool: self.candidates == "pool",
+            cos_feature: self.feature_angle.to_radians().cos(),
+        }
+    }
+}
+
+/// Facets of a mesh, as the hierarchy takes them.
+#[derive(FromPyObject)]
+struct PyFacets<'py> {
+    facets: PyReadonlyArray2<'py, i64>,
+    /// Tags of left and right cell.
+    cell_tags: PyReadonlyArray2<'py, i64>,
+    /// Tag of a given facet.
+    tags: PyReadonlyArray1<'py, i64>,
+    given: PyReadonlyArray1<'py, bool>,
+    n_boundary: usize,
+}
+
+impl PyFacets<'_> {
+    fn rows(&self) -> PyResult<Vec<FacetRow>> {
+        let nodes = rows::<i64, 2>("facets", &self.facets)?;
+        let cell_tags = rows::<i64, 2>("cell_tags", &self.cell_tags)?;
+        let (tags, given) = (self.tags.as_slice()?, self.given.as_slice()?);
+        let row = |k: usize| FacetRow {
+            nodes: nodes[k].map(|i| i as u32),
+            cell_tags: (cell_tags[k][0], (k >= self.n_boundary).then_some(cell_tags[k][1])),
+            given: given[k].then_some(tags[k]),
+        };
+        Ok((0..nodes.len()).map(row).collect())
+    }
+}
+
+#[pyfunction(name = "hierarchy")]
+#[allow(clippy::too_many_arguments)]
+fn py_hierarchy<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<'py, f64>,
+    n_cells: usize,
+    facets: PyFacets<'py>,
+    spacing: Option<PyReadonlyArray1<'py, f64>>,
+    options: PyOptions,
+    progress: Option<Bound<'py, PyAny>>,
+    threads: Option<usize>,
+) -> PyResult<(Vec<Bound<'py, PyDict>>, &'static str)> {
+    let rows_of_facets = facets.rows()?;
+    let spacing = spacing.as_ref().map(|s| s.as_slice()).transpose()?;
+    let input = Input { points: rows("points", &points)?, facets: &rows_of_facets, spacing, n_cells };
+    let (levels, stopped) =
+        run(py, threads, progress.as_ref(), |progress| hierarchy(&input, options.core(), progress))?;
+    let stopped = match stopped {
+        Stopped::Levels => "levels",
+        Stopped::Coarsest => "coarsest",
+        Stopped::Stalled => "stalled",
+    };
+    Ok((levels.into_iter().map(|level| wrap(py, level)).collect::<PyResult<_>>()?, stopped))
+}
+
+fn wrap<'py>(py: Python<'py>, level: Level) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let mesh = level.mesh;
+    out.set_item("nodes", mesh.nodes.iter().map(|&i| i64::from(i)).collect::<Vec<_>>().into_pyarray(py))?;
+    out.set_item("cells", index_array(py, &mesh.cells)?)?;
+    out.set_item("cell_tags", mesh.cell_tags.into_pyarray(py))?;
+    out.set_item("facets", index_array(py, &mesh.facets)?)?;
+    out.set_item("facet_cells", index_array(py, &mesh.facet_cells)?)?;
+    out.set_item("given", flags(py, mesh.facet_tags.iter().map(|tag| tag.is_some())))?;
+    out.set_item(
+        "facet_tags",
+        mesh.facet_tags.iter().map(|tag| tag.unwrap_or(0)).collect::<Vec<_>>().into_pyarray(py),
+    )?;
+    out.set_item("n_boundary", mesh.n_boundary)?;
+    out.set_item("factor", level.factor)?;
+    out.set_item("spacing", level.spacing.into_pyarray(py))?;
+    out.set_item("visits", level.visits)?;
+    Ok(out)
+}
+
+fn flags<'py>(py: Python<'py>, values: impl Iterator<Item = bool>) -> Bound<'py, PyArray1<bool>> {
+    values.collect::<Vec<_>>().into_pyarray(py)
 }

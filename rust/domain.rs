@@ -1,1 +1,0 @@
-//! Facets, chains, corners, slits of a planar domain.

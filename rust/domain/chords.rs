@@ -1,0 +1,248 @@
+//! Chords of the facet chains, and what makes a choice of facet vertices a valid coarse domain.
+//!
+//! A chord joins two kept vertices that follow each other along a chain. The coarse domain is valid where no two chords
+//! cross or overlap and where the region between a chord and its piece of chain holds no other kept point: the coarse
+//! facets are then the fine ones drawn straight, in the same order around every loop and junction.
+//!
+//! ```text
+//!         chain      x   kept point inside: invalid
+//!      ___---^---___
+//!     a-------------b     chord
+//! ```
+//!
+//! Repair goes in rounds: every offending chord gets back the vertex of its piece that is farthest from it. It ends, at
+//! the latest, with the input's own facets.
+
+use super::{Domain, segment_distance_2, segments_cross};
+use crate::point::{Point, orient};
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree};
+
+/// A chord of a chain, from one kept position to the next; positions of closed chains run on past the end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chord {
+    /// The chain.
+    pub chain: u32,
+    /// Position where it leaves the chain.
+    pub from: u32,
+    /// Position where it meets the chain again.
+    pub to: u32,
+    /// Facet vertices there.
+    pub vertices: [u32; 2],
+    /// The vertex between them that is farthest from the chord, and its squared distance; 0.0 where the chord is the chain.
+    pub farthest: u32,
+    /// Squared distance of that vertex.
+    pub deviation_2: f64,
+}
+
+type Boxed = GeomWithData<Rectangle<Point<2>>, u32>;
+
+impl Domain {
+    /// Adds to `kept` the vertices that make it a valid coarse domain, and returns its chords. `obstacles` are kept
+    /// points that are no facet vertices.
+    pub fn repair(&self, kept: &mut [bool], obstacles: &[Point<2>]) -> Vec<Chord> {
+        self.keep_enough(kept);
+        loop {
+            let chords = self.chords(kept);
+            let bad = self.offending(&chords, kept, obstacles);
+            if bad.is_empty() {
+                return chords;
+            }
+            for chord in bad {
+                kept[chords[chord as usize].farthest as usize] = true;
+            }
+        }
+    }
+
+    /// A closed chain needs three vertices, an open one its ends.
+    fn keep_enough(&self, kept: &mut [bool]) {
+        for chain in &self.chains {
+            if !chain.closed {
+                kept[chain.vertices[0] as usize] = true;
+                kept[chain.vertices[chain.vertices.len() - 1] as usize] = true;
+                continue;
+            }
+            let mut held: Vec<u32> = chain.vertices.iter().copied().filter(|&v| kept[v as usize]).take(3).collect();
+            while held.len() < 3 {
+                let far = match held[..] {
+                    [] => chain.vertices[0],
+                    [a] => self.farthest(&chain.vertices, a, a).0,
+                    _ => self.farthest(&chain.vertices, held[0], held[1]).0,
+                };
+                kept[far as usize] = true;
+                held.push(far);
+            }
+        }
+    }
+
+    /// The vertex of a list that is farthest from the segment between two vertices (the first of equals).
+    fn farthest(&self, vertices: &[u32], a: u32, b: u32) -> (u32, f64) {
+        let (p, q) = (&self.points[a as usize], &self.points[b as usize]);
+        let mut best = (vertices[0], -1.0);
+        for &v in vertices.iter().filter(|&&v| v != a && v != b) {
+            let d = segment_distance_2(&self.points[v as usize], p, q);
+            if d > best.1 {
+                best = (v, d);
+            }
+        }
+        best
+    }
+
+    /// The chords between consecutive kept vertices.
+    pub fn chords(&self, kept: &[bool]) -> Vec<Chord> {
+        let mut chords = Vec::new();
+        for (c, chain) in self.chains.iter().enumerate() {
+            let positions: Vec<u32> =
+                (0..chain.vertices.len() as u32).filter(|&k| kept[chain.vertices[k as usize] as usize]).collect();
+            let wrap = positions.first().map(|&k| k + chain.vertices.len() as u32).filter(|_| chain.closed);
+            for pair in positions.iter().copied().chain(wrap).collect::<Vec<_>>().windows(2) {
+                chords.push(self.chord(c as u32, pair[0], pair[1]));
+            }
+        }
+        chords
+    }
+
+    fn chord(&self, c: u32, from: u32, to: u32) -> Chord {
+        let chain = &self.chains[c as usize];
+        let vertices = [chain.vertex(from), chain.vertex(to)];
+        let (a, b) = (&self.points[vertices[0] as usize], &self.points[vertices[1] as usize]);
+        let (mut farthest, mut deviation_2) = (vertices[0], 0.0);
+        for k in from + 1..to {
+            let v = chain.vertex(k);
+            let d = segment_distance_2(&self.points[v as usize], a, b);
+            if d > deviation_2 || k == from + 1 {
+                (farthest, deviation_2) = (v, d);
+            }
+        }
+        Chord { chain: c, from, to, vertices, farthest, deviation_2 }
+    }
+
+    /// Chords to be split, ascending.
+    fn offending(&self, chords: &[Chord], kept: &[bool], obstacles: &[Point<2>]) -> Vec<u32> {
+        let mut bad = vec![false; chords.len()];
+        let splits = |i: u32| chords[i as usize].to > chords[i as usize].from + 1;
+        let segments: Vec<Boxed> = (0..chords.len()).map(|i| self.box_of(chords[i].vertices, i as u32)).collect();
+        let tree = RTree::bulk_load(segments);
+        for i in 0..chords.len() as u32 {
+            let [a, b] = chords[i as usize].vertices;
+            if !splits(i) {
+                continue;
+            }
+            for other in tree.locate_in_envelope_intersecting(self.envelope(&[a, b])) {
+                let j = other.data;
+                // a pair of chords that both split is met twice
+                if j == i || (j < i && splits(j)) || !self.cross(&chords[i as usize], &chords[j as usize]) {
+                    continue;
+                }
+                let later = splits(j) && chords[j as usize].deviation_2 > chords[i as usize].deviation_2;
+                bad[if later { j } else { i } as usize] = true;
+            }
+        }
+        let regions: Vec<Boxed> = (0..chords.len() as u32)
+            .filter(|&i| splits(i) && chords[i as usize].deviation_2 > 0.0 && !bad[i as usize])
+            .map(|i| {
+                let piece: Vec<u32> = self.piece(&chords[i as usize]).collect();
+                let envelope = self.envelope(&piece);
+                GeomWithData::new(Rectangle::from_corners(envelope.lower(), envelope.upper()), i)
+            })
+            .collect();
+        if !regions.is_empty() {
+            let tree = RTree::bulk_load(regions);
+            let mut look = |p: &Point<2>, vertex: Option<u32>| {
+                for region in tree.locate_all_at_point(*p) {
+                    let chord = &chords[region.data as usize];
+                    let is_end = vertex.is_some_and(|v| chord.vertices.contains(&v));
+                    if !is_end && !bad[region.data as usize] && self.holds(chord, p) {
+                        bad[region.data as usize] = true;
+                    }
+                }
+            };
+            for v in (0..self.len()).filter(|&v| kept[v]) {
+                look(&self.points[v], Some(v as u32));
+            }
+            obstacles.iter().for_each(|p| look(p, None));
+        }
+        self.flipped(chords, &mut bad);
+        (0..chords.len() as u32).filter(|&i| bad[i as usize]).collect()
+    }
+
+    /// Closed chains whose chords run the other way round: their most deviating chord is split.
+    fn flipped(&self, chords: &[Chord], bad: &mut [bool]) {
+        let mut at = 0;
+        for run in chords.chunk_by(|a, b| a.chain == b.chain) {
+            let range = at..at + run.len();
+            at = range.end;
+            let chain = &self.chains[run[0].chain as usize];
+            if !chain.closed || bad[range.clone()].iter().any(|&b| b) {
+                continue;
+            }
+            let chord_area = self.area_2(run.iter().map(|chord| chord.vertices[0]));
+            let chain_area = self.area_2(chain.vertices.iter().copied());
+            if (chord_area > 0.0) != (chain_area > 0.0) {
+                let widest =
+                    range.max_by(|&i, &j| chords[i].deviation_2.total_cmp(&chords[j].deviation_2).then(j.cmp(&i)));
+                widest.into_iter().filter(|&i| chords[i].to > chords[i].from + 1).for_each(|i| bad[i] = true);
+            }
+        }
+    }
+
+    /// Twice the signed area of a loop of vertices, measured from its first.
+    fn area_2(&self, mut vertices: impl Iterator<Item = u32>) -> f64 {
+        let Some(first) = vertices.next() else { return 0.0 };
+        let origin = self.points[first as usize];
+        let mut last = origin;
+        let mut sum = 0.0;
+        for v in vertices {
+            let p = self.points[v as usize];
+            sum += (last[0] - origin[0]) * (p[1] - origin[1]) - (last[1] - origin[1]) * (p[0] - origin[0]);
+            last = p;
+        }
+        sum
+    }
+
+    /// Facet vertices of the piece of chain that a chord spans, both ends included.
+    pub fn piece(&self, chord: &Chord) -> impl Iterator<Item = u32> {
+        let chain = &self.chains[chord.chain as usize];
+        (chord.from..=chord.to).map(|k| chain.vertex(k))
+    }
+
+    /// Whether a point lies in the region between a chord and its piece of chain, or on the chord.
+    pub fn holds(&self, chord: &Chord, p: &Point<2>) -> bool {
+        let [a, b] = chord.vertices.map(|v| self.points[v as usize]);
+        if orient(&a, &b, p) == 0.0 && segment_distance_2(p, &a, &b) == 0.0 {
+            return true;
+        }
+        let mut odd = crosses_ray(&b, &a, p);
+        let mut last = a;
+        for v in self.piece(chord).skip(1) {
+            let next = self.points[v as usize];
+            odd ^= crosses_ray(&last, &next, p);
+            last = next;
+        }
+        odd
+    }
+
+    fn cross(&self, one: &Chord, other: &Chord) -> bool {
+        let [a, b, c, d] =
+            [one.vertices[0], one.vertices[1], other.vertices[0], other.vertices[1]].map(|v| self.points[v as usize]);
+        segments_cross(&a, &b, &c, &d)
+    }
+
+    fn envelope(&self, vertices: &[u32]) -> AABB<Point<2>> {
+        AABB::from_points(vertices.iter().map(|&v| &self.points[v as usize]))
+    }
+
+    fn box_of(&self, vertices: [u32; 2], label: u32) -> Boxed {
+        let [a, b] = vertices.map(|v| self.points[v as usize]);
+        GeomWithData::new(Rectangle::from_corners(a, b), label)
+    }
+}
+
+/// Whether the ray from `p` to the right crosses the edge `a b` (upper end excluded); exact.
+fn crosses_ray(a: &Point<2>, b: &Point<2>, p: &Point<2>) -> bool {
+    if (a[1] > p[1]) == (b[1] > p[1]) {
+        return false;
+    }
+    let o = orient(a, b, p);
+    if b[1] > a[1] { o > 0.0 } else { o < 0.0 }
+}
