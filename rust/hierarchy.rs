@@ -33,6 +33,8 @@ pub enum Method {
     Function,
     /// Threshold coarsening (Definition 3.4).
     Threshold,
+    /// Independent sets of the edge skeleton: the baseline of Table 2.
+    Mis,
 }
 
 /// What a hierarchy is made from.
@@ -43,8 +45,8 @@ pub struct Input<'a> {
     pub facets: &'a [FacetRow],
     /// Spacing at the nodes; `None` is the nearest-neighbour spacing (Definition 3.2).
     pub spacing: Option<&'a [f64]>,
-    /// Number of cells.
-    pub n_cells: usize,
+    /// Cells, counter-clockwise.
+    pub cells: &'a [[u32; 3]],
 }
 
 /// The options, checked by the caller.
@@ -70,6 +72,17 @@ pub struct Options {
     pub pool: bool,
     /// Cosine of the feature angle.
     pub cos_feature: f64,
+}
+
+impl Options {
+    /// Whether a hierarchy that is built from the fine side has its last level.
+    pub fn enough(&self, levels: usize, cells: usize) -> Option<Stopped> {
+        match self.levels {
+            Some(wanted) => (levels >= wanted).then_some(Stopped::Levels),
+            None if levels >= MAX_LEVELS => Some(Stopped::Stalled),
+            None => (levels > 0 && cells <= self.coarsest).then_some(Stopped::Coarsest),
+        }
+    }
 }
 
 /// Why a hierarchy ended.
@@ -128,10 +141,13 @@ struct Builder<'a> {
     at_hand: usize,
 }
 
-/// Builds the coarser levels, finest first.
+/// The coarser levels, finest first, why they end, and g at the nodes of the input.
+pub type Hierarchy = (Vec<Level>, Stopped, Vec<f64>);
+
+/// Builds the coarser levels.
 ///
 /// Runtime: O(n log n) for the finest pool's tree and spacing, O(n) for all levels with pools.
-pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Result<(Vec<Level>, Stopped), Error> {
+pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Result<Hierarchy, Error> {
     progress.enter(0, 1)?;
     let domain = Domain::new(input.points, input.facets, options.cos_feature)?;
     let nodes = candidate_nodes(input.points, &domain);
@@ -142,13 +158,20 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         None => nearest(&tree, progress)?,
         Some(spacing) => candidate_spacing(spacing, &domain, &nodes),
     };
+    let finest = spacing_at_nodes(&g, &domain, &nodes, input.points.len());
+    if options.method == Method::Mis {
+        let (levels, stopped) = crate::skeleton::hierarchy(input.points, input.cells, &domain, options, progress)?;
+        return Ok((levels, stopped, finest));
+    }
     let cap = options.keep.then(|| {
         let mut cap = domain.gaps();
         cap.resize(nodes.len(), f64::INFINITY);
         cap
     });
     let spacing = match options.method {
-        Method::Function => Spacing::Function(CoarseSpacing::new(&tree, &g, cap.as_deref(), options.gradation)),
+        Method::Function | Method::Mis => {
+            Spacing::Function(CoarseSpacing::new(&tree, &g, cap.as_deref(), options.gradation))
+        }
         Method::Threshold => {
             let free = vec![f64::INFINITY; g.len()];
             let held = match &cap {
@@ -161,15 +184,15 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         }
     };
     let boundary = input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).count() as i64;
-    let cells = input.n_cells as i64;
+    let cells = input.cells.len() as i64;
     let members = (0..nodes.len() as u32).collect();
-    let finest = Pool { candidates: Candidates { tree: Cow::Borrowed(&tree), points, nodes }, members, visits: 0 };
+    let pool = Pool { candidates: Candidates { tree: Cow::Borrowed(&tree), points, nodes }, members, visits: 0 };
     let mut builder = Builder {
         lag: (4f64.ln() / options.factor.ln()).ceil().clamp(1.0, 64.0) as usize,
         euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
         candidate_of: vec![NONE; input.points.len()],
         at_hand: usize::MAX,
-        pools: vec![finest],
+        pools: vec![pool],
         input,
         options,
         progress,
@@ -191,13 +214,13 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         levels.push(level);
     }
     levels.reverse();
-    if options.levels.is_none() {
-        if let Some(first) = levels.iter().position(|level| level.mesh.cells.len() <= options.coarsest) {
-            levels.truncate(first + 1);
-            stopped = Stopped::Coarsest;
-        }
+    if options.levels.is_none()
+        && let Some(first) = levels.iter().position(|level| level.mesh.cells.len() <= options.coarsest)
+    {
+        levels.truncate(first + 1);
+        stopped = Stopped::Coarsest;
     }
-    Ok((levels, stopped))
+    Ok((levels, stopped, finest))
 }
 
 /// Nodes of the candidates: facet vertices, then interior nodes in a spatial order.
@@ -216,6 +239,16 @@ fn candidate_spacing(spacing: &[f64], domain: &Domain, nodes: &[u32]) -> Vec<f64
     let least = |copies: &[u32]| copies.iter().map(|&i| spacing[i as usize]).fold(f64::INFINITY, f64::min);
     let facets = (0..domain.len() as u32).map(|v| least(domain.copies(v)));
     facets.chain(nodes[domain.len()..].iter().map(|&i| spacing[i as usize])).collect()
+}
+
+/// Values of candidates at all nodes, copies alike.
+fn spacing_at_nodes(g: &[f64], domain: &Domain, nodes: &[u32], n: usize) -> Vec<f64> {
+    let mut at_nodes = vec![0.0; n];
+    nodes.iter().zip(g).for_each(|(&node, &value)| at_nodes[node as usize] = value);
+    for (v, &value) in (0..domain.len() as u32).zip(g) {
+        domain.copies(v).iter().for_each(|&node| at_nodes[node as usize] = value);
+    }
+    at_nodes
 }
 
 impl Builder<'_> {
@@ -326,7 +359,7 @@ impl Builder<'_> {
     /// The depth of a hierarchy of open depth, and why it ends there.
     fn depth(&mut self) -> Result<(usize, Stopped), Error> {
         let coarsest = self.options.coarsest;
-        let mut sizes = vec![self.input.n_cells];
+        let mut sizes = vec![self.input.cells.len()];
         // pools tell roughly where to begin, without a selection on the fine levels
         let mut depth = 1;
         if self.options.pool {
@@ -361,7 +394,7 @@ impl Builder<'_> {
             }
             if depth == MAX_LEVELS || size(self, depth + 1)? as f64 > STALL * now as f64 {
                 // not even the first level may be worth having
-                let worth = depth > 1 || now as f64 <= STALL * self.input.n_cells as f64;
+                let worth = depth > 1 || now as f64 <= STALL * self.input.cells.len() as f64;
                 return Ok((if worth { depth } else { 0 }, Stopped::Stalled));
             }
             depth += 1;

@@ -287,7 +287,7 @@ fn copy_at(domain: &Domain, chords: &[Chord], cells: &Cells, cell: u32, site: u3
         let constraint = cells.constraints[at][k];
         let chord = &chords[constraint as usize / 2];
         let chain = &domain.chains[chord.chain as usize];
-        return Ok(if constraint % 2 == 0 {
+        return Ok(if constraint.is_multiple_of(2) {
             chain.edge(chord.from).sides[0].tail
         } else {
             chain.edge(chord.to - 1).sides[1].head

@@ -21,6 +21,8 @@ pub mod selection;
 pub mod level;
 
 pub mod hierarchy;
+pub mod line;
+pub mod skeleton;
 pub mod transfer;
 
 #[cfg(feature = "python")]

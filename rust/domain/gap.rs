@@ -34,12 +34,8 @@ impl Bounds {
     }
 
     fn distance(&self, p: &Point<2>) -> f64 {
-        let mut sum = 0.0;
-        for k in 0..2 {
-            let d = (self.low[k] - p[k]).max(p[k] - self.high[k]).max(0.0);
-            sum += d * d;
-        }
-        sum.sqrt()
+        let [dx, dy] = [0, 1].map(|k| (self.low[k] - p[k]).max(p[k] - self.high[k]).max(0.0));
+        (dx * dx + dy * dy).sqrt()
     }
 }
 

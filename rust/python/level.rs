@@ -5,7 +5,9 @@ use crate::domain::FacetRow;
 use crate::error::Error;
 use crate::hierarchy::{Input, Level, Method, Options, Stopped, hierarchy};
 use crate::level::Rules;
+use crate::line::{self, LineLevel};
 use crate::point::{NONE, Point};
+use crate::progress::Progress;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -13,6 +15,7 @@ use pyo3::types::PyDict;
 /// Adds this file's functions to the module.
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(py_delaunay, m)?)?;
+    m.add_function(wrap_pyfunction!(py_line_hierarchy, m)?)?;
     m.add_function(wrap_pyfunction!(py_hierarchy, m)?)
 }
 
@@ -72,7 +75,11 @@ impl PyOptions {
             levels: self.levels,
             coarsest: self.coarsest,
             nested: self.nested,
-            method: if self.method == "threshold" { Method::Threshold } else { Method::Function },
+            method: match self.method.as_str() {
+                "threshold" => Method::Threshold,
+                "mis" => Method::Mis,
+                _ => Method::Function,
+            },
             rules: Rules { beta: self.beta, delta: self.delta },
             gradation: self.gradation,
             keep: self.features != "plain",
@@ -108,29 +115,71 @@ impl PyFacets<'_> {
     }
 }
 
+fn index_rows<const K: usize>(array: &PyReadonlyArray2<'_, i64>) -> PyResult<Vec<[u32; K]>> {
+    Ok(rows::<i64, K>("cells", array)?.iter().map(|row| row.map(|i| i as u32)).collect())
+}
+
+fn name_of(stopped: Stopped) -> &'static str {
+    match stopped {
+        Stopped::Levels => "levels",
+        Stopped::Coarsest => "coarsest",
+        Stopped::Stalled => "stalled",
+    }
+}
+
+type Made<'py> = (Vec<Bound<'py, PyDict>>, &'static str, Bound<'py, PyArray1<f64>>);
+
 #[pyfunction(name = "hierarchy")]
 #[allow(clippy::too_many_arguments)]
 fn py_hierarchy<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<'py, f64>,
-    n_cells: usize,
+    cells: PyReadonlyArray2<'py, i64>,
     facets: PyFacets<'py>,
     spacing: Option<PyReadonlyArray1<'py, f64>>,
     options: PyOptions,
     progress: Option<Bound<'py, PyAny>>,
     threads: Option<usize>,
-) -> PyResult<(Vec<Bound<'py, PyDict>>, &'static str)> {
-    let rows_of_facets = facets.rows()?;
+) -> PyResult<Made<'py>> {
     let spacing = spacing.as_ref().map(|s| s.as_slice()).transpose()?;
-    let input = Input { points: rows("points", &points)?, facets: &rows_of_facets, spacing, n_cells };
-    let (levels, stopped) =
-        run(py, threads, progress.as_ref(), |progress| hierarchy(&input, options.core(), progress))?;
-    let stopped = match stopped {
-        Stopped::Levels => "levels",
-        Stopped::Coarsest => "coarsest",
-        Stopped::Stalled => "stalled",
-    };
-    Ok((levels.into_iter().map(|level| wrap(py, level)).collect::<PyResult<_>>()?, stopped))
+    let (cells, facets) = (index_rows(&cells)?, facets.rows()?);
+    let input = Input { points: rows("points", &points)?, cells: &cells, facets: &facets, spacing };
+    let options = options.core();
+    let (levels, stopped, g) = run(py, threads, progress.as_ref(), |progress| hierarchy(&input, options, progress))?;
+    let levels = levels.into_iter().map(|level| wrap(py, level)).collect::<PyResult<_>>()?;
+    Ok((levels, name_of(stopped), g.into_pyarray(py)))
+}
+
+#[pyfunction(name = "line_hierarchy")]
+#[allow(clippy::too_many_arguments)]
+fn py_line_hierarchy<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<'py, f64>,
+    cells: PyReadonlyArray2<'py, i64>,
+    cell_tags: Option<PyReadonlyArray1<'py, i64>>,
+    spacing: Option<PyReadonlyArray1<'py, f64>>,
+    options: PyOptions,
+    progress: Option<Bound<'py, PyAny>>,
+    threads: Option<usize>,
+) -> PyResult<Made<'py>> {
+    let spacing = spacing.as_ref().map(|s| s.as_slice()).transpose()?;
+    let tags = cell_tags.as_ref().map(|s| s.as_slice()).transpose()?;
+    let (points, cells) = (rows("points", &points)?, index_rows(&cells)?);
+    let options = options.core();
+    let work = |progress: &Progress| line::hierarchy(points, &cells, tags, spacing, options, progress);
+    let (levels, stopped, g) = run(py, threads, progress.as_ref(), work)?;
+    let levels = levels.into_iter().map(|level| wrap_line(py, level)).collect::<PyResult<_>>()?;
+    Ok((levels, name_of(stopped), g.into_pyarray(py)))
+}
+
+fn wrap_line<'py>(py: Python<'py>, level: LineLevel) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("nodes", level.nodes.iter().map(|&i| i64::from(i)).collect::<Vec<_>>().into_pyarray(py))?;
+    out.set_item("cells", index_array(py, &level.cells)?)?;
+    out.set_item("cell_tags", level.cell_tags.into_pyarray(py))?;
+    out.set_item("factor", level.factor)?;
+    out.set_item("spacing", level.spacing.into_pyarray(py))?;
+    Ok(out)
 }
 
 fn wrap<'py>(py: Python<'py>, level: Level) -> PyResult<Bound<'py, PyDict>> {
