@@ -27,7 +27,9 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-def bisected(points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_points: int) -> tuple[Floats, Ints]:
+def bisected(
+    points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_points: int
+) -> tuple[Floats, Ints]:
     """Bisect where cells are large against a wished size, until the mesh has `n_points` nodes or just under.
 
     Parameters
@@ -54,7 +56,9 @@ def bisected(points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_po
         order = np.argsort(-excess, kind="stable")
         wanted = int(np.count_nonzero(excess > excess.max() / 2))
         marked = _closed(edges, order[:wanted], len(ends))
-        if marked.sum() > room:  # the last rounds: the longest prefix of `order` that still fits
+        if (
+            marked.sum() > room
+        ):  # the last rounds: the longest prefix of `order` that still fits
             low, high = 0, wanted
             while high - low > 1:
                 middle = (low + high) // 2
@@ -87,7 +91,9 @@ def _closed(edges: Ints, chosen: Ints, n_edges: int) -> Bools:
         marked[edges[open_, 0]] = True
 
 
-def _split(points: Floats, cells: Ints, edges: Ints, ends: Ints, marked: Bools) -> tuple[Floats, Ints]:
+def _split(
+    points: Floats, cells: Ints, edges: Ints, ends: Ints, marked: Bools
+) -> tuple[Floats, Ints]:
     """Split every cell with a marked longest edge, and its halves where their longest edges are marked too."""
     middles = np.full(len(ends), -1, dtype=np.int64)
     middles[marked] = len(points) + np.arange(np.count_nonzero(marked))
@@ -96,7 +102,10 @@ def _split(points: Floats, cells: Ints, edges: Ints, ends: Ints, marked: Bools) 
     split = middle[:, 0] >= 0
     (a, b, c), (m, m_ca, m_ab) = cells[split].T, middle[split].T
     whole = [cells[~split]]
-    for first, second, cut in ((a, b, m_ab), (c, a, m_ca)):  # halves: right angle at m, longest edge first-second
+    for first, second, cut in (
+        (a, b, m_ab),
+        (c, a, m_ca),
+    ):  # halves: right angle at m, longest edge first-second
         again = cut >= 0
         whole.append(np.column_stack([m, first, second])[~again])
         cut, m_, p, q = cut[again], m[again], first[again], second[again]

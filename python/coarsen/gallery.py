@@ -58,12 +58,37 @@ def crack_plate(n: int = 5120, *, exponent: float = 0.75) -> Mesh:
     True
     """
     points = np.array(
-        [[0.5, 0.5], [1, 0.5], [1, 1], [0.5, 1], [0, 1], [0, 0.5], [0, 0.5], [0, 0], [0.5, 0], [1, 0]], dtype=float
+        [
+            [0.5, 0.5],
+            [1, 0.5],
+            [1, 1],
+            [0.5, 1],
+            [0, 1],
+            [0, 0.5],
+            [0, 0.5],
+            [0, 0],
+            [0.5, 0],
+            [1, 0],
+        ],
+        dtype=float,
     )
     # around the tip 0: right angles at the middles of the sides, every longest edge a diagonal through the tip;
     # node 5 is the upper bank of the slit's mouth, node 6 the lower
-    cells = np.array([[1, 2, 0], [3, 0, 2], [3, 4, 0], [5, 0, 4], [6, 7, 0], [8, 0, 7], [8, 9, 0], [1, 0, 9]])
-    return Mesh(*bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 12)))
+    cells = np.array(
+        [
+            [1, 2, 0],
+            [3, 0, 2],
+            [3, 4, 0],
+            [5, 0, 4],
+            [6, 7, 0],
+            [8, 0, 7],
+            [8, 9, 0],
+            [1, 0, 9],
+        ]
+    )
+    return Mesh(
+        *bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 12))
+    )
 
 
 def lshape(n: int = 5000, *, exponent: float = 2 / 3) -> Mesh:
@@ -76,9 +101,14 @@ def lshape(n: int = 5000, *, exponent: float = 2 / 3) -> Mesh:
     exponent : float
         Edges at a distance r from the corner are about as long as r to this power; 2/3 is the corner's own.
     """
-    points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1]], dtype=float)
+    points = np.array(
+        [[0, 0], [1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1]],
+        dtype=float,
+    )
     cells = np.array([[1, 2, 0], [3, 0, 2], [3, 4, 0], [5, 0, 4], [5, 6, 0], [7, 0, 6]])
-    return Mesh(*bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 8)))
+    return Mesh(
+        *bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 8))
+    )
 
 
 def graded_square(n: int = 10_000, ratio: float = 1e4) -> Mesh:
@@ -104,7 +134,12 @@ def graded_square(n: int = 10_000, ratio: float = 1e4) -> Mesh:
     _at_least(n, max(16, int(16 * math.log2(ratio))))
     inner = 1.0 / ratio
     while True:
-        made = bisected(points, cells, lambda x, least=inner: np.maximum(np.hypot(*(x - centre).T), least), n)  # type: ignore[misc]
+        made = bisected(
+            points,
+            cells,
+            lambda x, least=inner: np.maximum(np.hypot(*(x - centre).T), least),
+            n,
+        )  # type: ignore[misc]
         corners = made[0][made[1]]
         lengths = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), -1, 0))
         if lengths.max() >= ratio * lengths.min():
@@ -146,19 +181,25 @@ def ring(n: int = 3000, *, inner: float = 0.3) -> Mesh:
     """
     if not 0 < inner < 1:
         raise ValueError(f"'inner' is {inner}, expected 0 < inner < 1")
-    depth = -math.log(inner)  # rows r, r q, r q², ... with log q = √3/2 · 2π/around: height of an equilateral triangle
+    depth = -math.log(
+        inner
+    )  # rows r, r q, r q², ... with log q = √3/2 · 2π/around: height of an equilateral triangle
     around = max(6, round(math.sqrt(_at_least(n, 12) * math.sqrt(3) * math.pi / depth)))
     rows = max(1, round(depth * around / (math.sqrt(3) * math.pi)))
     row, step = np.meshgrid(np.arange(rows + 1), np.arange(around), indexing="ij")
     angle = 2 * math.pi * (step + row % 2 / 2) / around
     radius = np.exp(depth * (row / rows - 1))
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2)
+    points = np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle)], axis=-1
+    ).reshape(-1, 2)
     nodes = np.arange(len(points)).reshape(rows + 1, around)
     nodes = np.concatenate([nodes, nodes[:, :1]], axis=1)
     return Mesh(points, _cut(points, nodes))
 
 
-def plate_with_holes(n: int = 8000, holes: tuple[int, int] = (3, 3), *, seed: int = DEFAULT_SEED) -> Mesh:
+def plate_with_holes(
+    n: int = 8000, holes: tuple[int, int] = (3, 3), *, seed: int = DEFAULT_SEED
+) -> Mesh:
     """A plate of unit squares, each with a round hole of random size and place.
 
     Parameters
@@ -186,7 +227,9 @@ def plate_with_holes(n: int = 8000, holes: tuple[int, int] = (3, 3), *, seed: in
     while (4 * (k + 1) * layers(k + 1)).sum() <= n:
         k += 1
     parts = [
-        _around_hole(np.array(place), k, centres[h], radii[h], layers(k)[h], circle=h + 1)
+        _around_hole(
+            np.array(place), k, centres[h], radii[h], layers(k)[h], circle=h + 1
+        )
         for h, place in enumerate(places)
     ]
     return Mesh(*_joined(parts))
@@ -214,7 +257,9 @@ def interface(n: int = 3000, *, radius: float = 0.25) -> Mesh:
     k = 2
     while 4 * (k + 1) * layers(k + 1) + (k + 2) ** 2 <= n:
         k += 1
-    outside = _around_hole(np.zeros(2, dtype=np.int64), k, np.array([0.5, 0.5]), radius, layers(k))
+    outside = _around_hole(
+        np.zeros(2, dtype=np.int64), k, np.array([0.5, 0.5]), radius, layers(k)
+    )
     inside = _disc(k, np.array([0.5, 0.5]), radius)
     tags = np.repeat([1, 2], [len(outside[1]), len(inside[1])])
     return Mesh(*_joined([outside, inside]), cell_tags=tags)
@@ -234,7 +279,9 @@ def line(n: int = 100, *, growth: float = 1.0) -> Mesh:
     """
     steps = np.arange(_at_least(n, 2), dtype=float)
     if not growth > 0 or abs(math.log2(growth)) * n > 1000:
-        raise ValueError(f"'growth' is {growth}, expected a positive number with growth**n within the range of floats")
+        raise ValueError(
+            f"'growth' is {growth}, expected a positive number with growth**n within the range of floats"
+        )
     points = steps / (n - 1) if growth == 1 else (growth**steps - 1) / (growth - 1)
     nodes = np.arange(n)
     return Mesh(points[:, None], np.column_stack([nodes[:-1], nodes[1:]]))
@@ -257,10 +304,19 @@ def _distance_power(centre: Floats, exponent: float) -> Callable[[Floats], Float
 
 def _cut(points: Floats, nodes: Ints) -> Ints:
     """Triangles of a lattice (k, l) of nodes: each of its cells cut along the shorter diagonal, alternating where equal."""
-    a, b, c, d = (part.ravel() for part in (nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]))
-    rising, falling = (np.hypot(*(points[p] - points[q]).T) for p, q in ((a, c), (b, d)))
-    alternate = np.add.outer(*(np.arange(steps - 1) for steps in nodes.shape)).ravel() % 2 == 1
-    fall = np.where(np.isclose(rising, falling, rtol=1e-9, atol=0), alternate, falling < rising)[:, None]
+    a, b, c, d = (
+        part.ravel()
+        for part in (nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:])
+    )
+    rising, falling = (
+        np.hypot(*(points[p] - points[q]).T) for p, q in ((a, c), (b, d))
+    )
+    alternate = (
+        np.add.outer(*(np.arange(steps - 1) for steps in nodes.shape)).ravel() % 2 == 1
+    )
+    fall = np.where(
+        np.isclose(rising, falling, rtol=1e-9, atol=0), alternate, falling < rising
+    )[:, None]
     first = np.where(fall, np.column_stack([a, b, d]), np.column_stack([a, b, c]))
     second = np.where(fall, np.column_stack([b, c, d]), np.column_stack([a, c, d]))
     return np.concatenate([first, second])
@@ -277,7 +333,9 @@ Part = tuple[Floats, Ints, Ints]
 """Points, cells, and a place (x, y, kind) of three integers for each node: equal places are one node; kind < 0: its own."""
 
 
-def _around_hole(corner: Ints, k: int, centre: Floats, radius: float, layers: int, *, circle: int = 1) -> Part:
+def _around_hole(
+    corner: Ints, k: int, centre: Floats, radius: float, layers: int, *, circle: int = 1
+) -> Part:
     """The square at `corner` outside a circle (of that number): 4k rays from the rim of the square to the circle.
 
     Layers shrink towards the circle as the rays close up.
@@ -287,7 +345,9 @@ def _around_hole(corner: Ints, k: int, centre: Floats, radius: float, layers: in
     angle = np.arctan2(*(outer - centre).T[::-1])
     arc = centre + radius * np.column_stack([np.cos(angle), np.sin(angle)])
     depth = np.linspace(0, 1, layers + 1)
-    depth = (1 - (2 * math.pi * radius / 4) ** depth) / (1 - 2 * math.pi * radius / 4)  # 0 on the rim, 1 on the circle
+    depth = (1 - (2 * math.pi * radius / 4) ** depth) / (
+        1 - 2 * math.pi * radius / 4
+    )  # 0 on the rim, 1 on the circle
     points = corner + outer[None] + depth[:, None, None] * (arc - outer)[None]
     points[-1] = corner + arc
     nodes = np.arange((layers + 1) * 4 * k).reshape(layers + 1, 4 * k)
@@ -309,12 +369,21 @@ def _disc(k: int, centre: Floats, radius: float) -> Part:
     largest = np.abs(x).max(axis=-1)
     length = np.hypot(x[..., 0], x[..., 1])
     # between a square in the middle and a circle at the rim
-    round_ = x * np.divide(largest, length, out=np.ones_like(length), where=length > 0)[..., None]
+    round_ = (
+        x
+        * np.divide(largest, length, out=np.ones_like(length), where=length > 0)[
+            ..., None
+        ]
+    )
     shape = largest[..., None] ** 2
-    points = centre + radius * (shape * round_ + (1 - shape) * x * (1 / math.sqrt(2) + 0.15))
+    points = centre + radius * (
+        shape * round_ + (1 - shape) * x * (1 / math.sqrt(2) + 0.15)
+    )
     places = np.full((k + 1, k + 1, 3), -1, dtype=np.int64)
     rim = _rim(k)
-    places[rim[:, 0], rim[:, 1]] = np.column_stack([rim, np.ones(4 * k, dtype=np.int64)])
+    places[rim[:, 0], rim[:, 1]] = np.column_stack(
+        [rim, np.ones(4 * k, dtype=np.int64)]
+    )
     nodes = np.arange((k + 1) ** 2).reshape(k + 1, k + 1)
     points = points.reshape(-1, 2)
     return points, _cut(points, nodes), places.reshape(-1, 3)
@@ -324,10 +393,16 @@ def _joined(parts: list[Part]) -> tuple[Floats, Ints]:
     """One mesh of several parts: nodes of equal places become one."""
     points, places = (np.concatenate([part[i] for part in parts]) for i in (0, 2))
     starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
-    cells = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
+    cells = np.concatenate(
+        [part[1] + start for part, start in zip(parts, starts, strict=True)]
+    )
     single = places[:, 2] < 0
-    places[single] = np.column_stack([np.flatnonzero(single), np.zeros(single.sum()), np.full(single.sum(), -1)])
-    _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    places[single] = np.column_stack(
+        [np.flatnonzero(single), np.zeros(single.sum()), np.full(single.sum(), -1)]
+    )
+    _, first, inverse = np.unique(
+        places, axis=0, return_index=True, return_inverse=True
+    )
     order = np.argsort(first)  # number the nodes as they first come
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

@@ -1,0 +1,72 @@
+"""Write aside, then rename: whoever looks finds the whole file or folder, or none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a path beside `path`, with the same endings; move what was written there to `path` when all went well.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder of `path` does not exist.
+    """
+    path = Path(path)
+    with _beside(path) as folder:
+        yield folder / path.name
+        for written in sorted(
+            folder.iterdir()
+        ):  # a format may write more than one file
+            os.replace(written, path.parent / written.name)
+
+
+@contextmanager
+def folder_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a new folder beside `path`; when all went well, move what it holds into `path`, which is made where it is missing.
+
+    Other files of an old `path` stay; those of the same name are replaced.
+
+    Raises
+    ------
+    NotADirectoryError
+        If `path` is a file.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise NotADirectoryError(f"'{path}' is a file, expected a folder")
+    with _beside(path) as holder:
+        folder = holder / path.name
+        folder.mkdir()
+        yield folder
+        if not path.exists():
+            os.replace(folder, path)
+            return
+        for written in sorted(folder.iterdir()):
+            os.replace(written, path / written.name)
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[Path]:
+    parent = path.parent
+    if not parent.is_dir():
+        raise FileNotFoundError(f"the folder '{parent}' does not exist")
+    folder = Path(tempfile.mkdtemp(prefix=".coarsen-", dir=parent))
+    folder.chmod(0o777 & ~_umask())
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

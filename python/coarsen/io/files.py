@@ -1,0 +1,181 @@
+"""``read`` and ``write``: which family a file belongs to, by the end of its name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import MeshError
+from ..mesh import Mesh
+from . import adcirc, bridge, npz, selafin, su2, triangle, ugrid
+from .aside import aside
+from .draft import Draft, drafted
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of file formats: what it is called, its reader and its writer."""
+
+    name: str
+    endings: tuple[str, ...]
+    read: Callable[[Path], Draft]
+    write: Callable[[Draft, Path], None]
+
+
+FAMILIES = (
+    Family("NumPy archive", (".npz",), npz.read_npz, npz.write_npz),
+    Family("ADCIRC grid", (".14", ".grd"), adcirc.read_grid, adcirc.write_grid),
+    Family("SCHISM grid", (".gr3", ".ll"), adcirc.read_grid, adcirc.write_grid),
+    Family(
+        "TELEMAC Selafin", (".slf", ".srf"), selafin.read_selafin, selafin.write_selafin
+    ),
+    Family("UGRID NetCDF", (".nc",), ugrid.read_ugrid, ugrid.write_ugrid),
+    Family(
+        "Triangle",
+        (".node", ".ele", ".poly"),
+        triangle.read_triangle,
+        triangle.write_triangle,
+    ),
+    Family("SU2", (".su2",), su2.read_su2, su2.write_su2),
+)
+
+
+def _family(path: Path, *, write: bool) -> Family:
+    name = path.name.lower()
+    for family in FAMILIES:
+        if name.endswith(family.endings) or name == "fort.14":
+            if name != "fort.14" or ".14" in family.endings:
+                return family
+    endings = bridge.extensions()
+    if not endings:
+        bridge.meshio()  # says how to install it
+    if any(name.endswith(ending) for ending in endings):
+        return Family(
+            "meshio",
+            tuple(endings),
+            bridge.read_through_meshio,
+            bridge.write_through_meshio,
+        )
+    known = ", ".join(writable() if write else readable())
+    raise MeshError(
+        f"'{path.name}': no format is known by this ending, expected one of {known}"
+    )
+
+
+def readable() -> list[str]:
+    """Endings of the files :func:`read` takes, sorted."""
+    own = {ending for family in FAMILIES for ending in family.endings}
+    return sorted(own | set(bridge.extensions()))
+
+
+def writable() -> list[str]:
+    """Endings of the files :func:`write` makes, sorted."""
+    return readable()
+
+
+def read_draft(path: str | os.PathLike[str]) -> Draft:
+    """Read what a file says without judging it.
+
+    Raises
+    ------
+    MeshError
+        If the file is not of the format its name says.
+    FileNotFoundError
+        If there is none.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"'{path}' does not exist")
+    if path.is_dir():
+        raise IsADirectoryError(f"'{path}' is a folder, expected a mesh file")
+    family = _family(path, write=False)
+    try:
+        return family.read(path)
+    except (MeshError, ImportError, MemoryError):
+        raise
+    except OSError as error:
+        raise MeshError(
+            f"'{path.name}': cannot be read as {family.name}: {error}"
+        ) from None
+    except (
+        ValueError,
+        KeyError,
+        IndexError,
+        TypeError,
+        EOFError,
+        OverflowError,
+        AttributeError,
+    ) as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise MeshError(
+            f"'{path.name}': not a readable {family.name} file: {reason}"
+        ) from None
+
+
+def read(
+    path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False
+) -> Mesh:
+    """Read a mesh from a file; the end of its name tells the format.
+
+    Parameters
+    ----------
+    path : path
+        Anything meshio reads (``.msh``, ``.vtu``, ``.vtk``, ``.xdmf``, ``.obj``, ``.med``, …), ADCIRC ``fort.14`` and ``.grd``,
+        SCHISM ``.gr3``, TELEMAC ``.slf``, UGRID ``.nc``, Triangle's ``.node``/``.ele``/``.poly``, SU2, and ``.npz``. Tags,
+        boundaries and nodal fields come along; a constant height is dropped.
+    split_quads : bool
+        Cut quadrilaterals along their shorter diagonals; without it they raise.
+    repair : bool
+        Mend what :meth:`coarsen.Mesh.repaired` can; what it did is logged at level INFO of the logger ``coarsen``.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be understood or breaks a rule of a legal mesh; the message starts with the file's name.
+    FileNotFoundError
+        If there is no such file.
+    """
+    return read_and_tell(path, split_quads=split_quads, repair=repair)[0]
+
+
+def read_and_tell(
+    path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False
+) -> tuple[Mesh, str]:
+    """Do as :func:`read` does, and tell what a repair did."""
+    draft = read_draft(path)
+    try:
+        return draft.mesh(split_quads=split_quads, repair=repair)
+    except MeshError as error:
+        text = str(error)
+        if not repair and not any(
+            offer in text for offer in ("--repair", "--split-quads", "coarsen takes")
+        ):
+            text += " [read(path, repair=True) or --repair mends orphans, doubles and empty cells]"
+        raise MeshError(f"'{Path(path).name}': {text}") from None
+
+
+def write(mesh: Mesh, path: str | os.PathLike[str]) -> None:
+    """Write a mesh to a file; the end of its name tells the format.
+
+    The file is written aside and renamed: it is there whole or not at all.
+
+    Raises
+    ------
+    MeshError
+        If no format is known by this ending, or the format cannot hold the mesh.
+    FileNotFoundError
+        If the folder does not exist.
+    """
+    write_draft(drafted(mesh), path)
+
+
+def write_draft(draft: Draft, path: str | os.PathLike[str]) -> None:
+    """Do as :func:`write` does, from a draft."""
+    path = Path(path)
+    family = _family(path, write=True)
+    if path.is_dir():
+        raise IsADirectoryError(f"'{path}' is a folder, expected a file name")
+    with aside(path) as place:
+        family.write(draft, place)
