@@ -1,15 +1,15 @@
-"""Longest-edge bisection of right isosceles triangles, the way the paper's own mesh was made.
+r"""Longest-edge bisection of right isosceles triangles, the way the paper's own mesh was made.
 
-A cell is a row ``(a, b, c)``, counter-clockwise, whose right angle is at its newest node ``a``; its longest edge is ``bc``.
-Bisection halves that edge, so every descendant is right and isosceles again, and its midpoints are exact in floats
-(Rivara 1984; Mitchell 1991). A round marks cells, then marks the longest edge of every cell that has a marked edge until
-nothing changes (the closure), then splits each cell into two, three or four at once::
+A cell is a row ``(a, b, c)``, counter-clockwise, whose right angle is at its newest node ``a``; its longest edge is
+``bc``. Bisection halves that edge, so every descendant is right and isosceles again, and its midpoints are exact in
+floats (Rivara 1984; Mitchell 1991). A round marks cells, then marks the longest edge of every cell that has a marked
+edge until nothing changes (the closure), then splits each cell into two, three or four at once::
 
             a                    a
-           / \\                  /|\\
-          /   \\      ->        / | \\        a cell whose legs are marked too
-         /     \\              /\\ | /\\       is split into four
-        b-------c            b--\\|/--c
+           / \                  /|\
+          /   \      ->        / | \        a cell whose legs are marked too
+         /     \              /\ | /\       is split into four
+        b-------c            b--\|/--c
             m                    m
 
 All steps are whole-array steps: a million nodes take some seconds.
@@ -27,9 +27,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-def bisected(
-    points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_points: int
-) -> tuple[Floats, Ints]:
+def bisected(points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_points: int) -> tuple[Floats, Ints]:
     """Bisect where cells are large against a wished size, until the mesh has `n_points` nodes or just under.
 
     Parameters
@@ -56,9 +54,7 @@ def bisected(
         order = np.argsort(-excess, kind="stable")
         wanted = int(np.count_nonzero(excess > excess.max() / 2))
         marked = _closed(edges, order[:wanted], len(ends))
-        if (
-            marked.sum() > room
-        ):  # the last rounds: the longest prefix of `order` that still fits
+        if marked.sum() > room:  # the last rounds: the longest prefix of `order` that still fits
             low, high = 0, wanted
             while high - low > 1:
                 middle = (low + high) // 2
@@ -91,9 +87,7 @@ def _closed(edges: Ints, chosen: Ints, n_edges: int) -> Bools:
         marked[edges[open_, 0]] = True
 
 
-def _split(
-    points: Floats, cells: Ints, edges: Ints, ends: Ints, marked: Bools
-) -> tuple[Floats, Ints]:
+def _split(points: Floats, cells: Ints, edges: Ints, ends: Ints, marked: Bools) -> tuple[Floats, Ints]:
     """Split every cell with a marked longest edge, and its halves where their longest edges are marked too."""
     middles = np.full(len(ends), -1, dtype=np.int64)
     middles[marked] = len(points) + np.arange(np.count_nonzero(marked))
@@ -108,6 +102,6 @@ def _split(
     ):  # halves: right angle at m, longest edge first-second
         again = cut >= 0
         whole.append(np.column_stack([m, first, second])[~again])
-        cut, m_, p, q = cut[again], m[again], first[again], second[again]
-        whole += [np.column_stack([cut, m_, p]), np.column_stack([cut, q, m_])]
+        right, old, p, q = cut[again], m[again], first[again], second[again]
+        whole += [np.column_stack([right, old, p]), np.column_stack([right, q, old])]
     return points, np.concatenate(whole)

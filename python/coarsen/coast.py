@@ -1,13 +1,13 @@
-"""An artificial coast with islands: a sea cut out of a bisected square along the zero line of a rough field.
+r"""An artificial coast with islands: a sea cut out of a bisected square along the zero line of a rough field.
 
-The field is a slope from land to sea plus random waves, and ends at sea in an arc, the open boundary, as the meshes of tidal
-models do. A mesh of right isosceles triangles, fine along the coast and coarser towards the open sea, is cut
-along the zero line by isosurface stuffing (Labelle and Shewchuk 2007) in the plane: nodes nearer to the line than a third of an
-edge are moved onto it, and what cells still cross it are cut::
+The field is a slope from land to sea plus random waves, and ends at sea in an arc, the open boundary, as the meshes
+of tidal models do. A mesh of right isosceles triangles, fine along the coast and coarser towards the open sea, is cut
+along the zero line by isosurface stuffing (Labelle and Shewchuk 2007) in the plane: nodes nearer to the line than a
+third of an edge are moved onto it, and what cells still cross it are cut::
 
         +-------+              +-------+
-         \\  - /                \\____/        + +   two cells of a quadrilateral
-          \\ /          ->         cut          + -   one cell
+         \  - /                \____/        + +   two cells of a quadrilateral
+          \ /          ->         cut          + -   one cell
            -
 """
 
@@ -27,7 +27,7 @@ _RADIUS = 0.47  # of the sea's arc, about the middle of the unit square
 
 
 def coast(n: int = 10_000, *, seed: int = 1997, extent: float = 100e3) -> Mesh:
-    """A sea before a rough artificial coast with islands, fine along the coast, with depth.
+    """Make a sea before a rough artificial coast with islands, fine along the coast, with depth.
 
     Parameters
     ----------
@@ -52,9 +52,7 @@ def coast(n: int = 10_000, *, seed: int = 1997, extent: float = 100e3) -> Mesh:
     quarters = np.array([[4, 0, 1], [4, 1, 2], [4, 2, 3], [4, 3, 0]])
     asked = int(1.5 * n)
     for _ in range(3):  # land takes a share of the nodes that only the cut tells
-        points, cells = _cut_along_zero(
-            *bisected(corners, quarters, field.size, asked), field
-        )
+        points, cells = _cut_along_zero(*bisected(corners, quarters, field.size, asked), field)
         if abs(len(points) - n) <= 0.05 * n:
             break
         asked = int(asked * n / len(points))
@@ -81,20 +79,16 @@ class _Field:
         shortest = max(6 * finest, 0.03)
         length = np.exp(random.uniform(np.log(shortest), np.log(0.7), _WAVES))
         direction = random.uniform(0, 2 * np.pi, _WAVES)
-        self.waves = (
-            2 * np.pi / length * np.stack([np.cos(direction), np.sin(direction)])
-        )
+        self.waves = 2 * np.pi / length * np.stack([np.cos(direction), np.sin(direction)])
         self.phases = random.uniform(0, 2 * np.pi, _WAVES)
         self.heights = 0.06 * length**0.8
         self.lean = random.uniform(0, 2 * np.pi)
 
     def land(self, x: Floats) -> Floats:
-        """The field without the sea's arc."""
+        """Make the field without the sea's arc."""
         toward = (x - 0.5) @ np.array([np.cos(self.lean), np.sin(self.lean)])
         value = 0.4 * (toward + 0.12)
-        for wave, phase, height in zip(
-            self.waves.T, self.phases, self.heights, strict=True
-        ):
+        for wave, phase, height in zip(self.waves.T, self.phases, self.heights, strict=True):
             value += height * np.sin(x @ wave + phase)
         return np.asarray(value)
 
@@ -105,13 +99,11 @@ class _Field:
         """Wished edge: short along the coast, longer out at sea, longest on land and outside."""
         value = self.land(x)
         outside = np.maximum(np.hypot(*(x - 0.5).T) - _RADIUS, 0)
-        return np.asarray(
-            0.012 + np.where(value > 0, 0.5 * value, -3 * value) + outside
-        )
+        return np.asarray(0.012 + np.where(value > 0, 0.5 * value, -3 * value) + outside)
 
 
 def _cut_along_zero(points: Floats, cells: Ints, field: _Field) -> tuple[Floats, Ints]:
-    """The connected part, the largest, of the mesh where the field is positive."""
+    """Return the connected part, the largest, of the mesh where the field is positive."""
     value = field(points)
     points, value = _snapped(points, value, _unique_edges(cells))
     signs = np.sign(value[cells])
@@ -132,9 +124,7 @@ def _cut_along_zero(points: Floats, cells: Ints, field: _Field) -> tuple[Floats,
         np.take_along_axis(cells, turn, axis=1),
         np.take_along_axis(signs, turn, axis=1),
     )
-    ends = np.sort(
-        np.concatenate([cells[:, [0, 1]], cells[:, [0, 2]], cells[:, [1, 2]]]), axis=1
-    )
+    ends = np.sort(np.concatenate([cells[:, [0, 1]], cells[:, [0, 2]], cells[:, [1, 2]]]), axis=1)
     ends = ends[value[ends[:, 0]] * value[ends[:, 1]] < 0]
     keys = np.unique(ends[:, 0] * len(points) + ends[:, 1])
     i, j = np.divmod(keys, len(points))
@@ -154,19 +144,9 @@ def _cut_along_zero(points: Floats, cells: Ints, field: _Field) -> tuple[Floats,
     a, b, c = cells[~zero & (signs[:, 0] < 0)].T
     ab, ac = cut(a, b), cut(a, c)
     everything = np.concatenate([points, cuts])
-    first = np.hypot(*(everything[ab] - points[c]).T) <= np.hypot(
-        *(everything[ac] - points[b]).T
-    )
-    kept.append(
-        np.where(
-            first[:, None], np.column_stack([ab, b, c]), np.column_stack([ab, b, ac])
-        )
-    )
-    kept.append(
-        np.where(
-            first[:, None], np.column_stack([ab, c, ac]), np.column_stack([b, c, ac])
-        )
-    )
+    first = np.hypot(*(everything[ab] - points[c]).T) <= np.hypot(*(everything[ac] - points[b]).T)
+    kept.append(np.where(first[:, None], np.column_stack([ab, b, c]), np.column_stack([ab, b, ac])))
+    kept.append(np.where(first[:, None], np.column_stack([ab, c, ac]), np.column_stack([b, c, ac])))
     return _largest_part(everything, np.concatenate(kept))
 
 
@@ -186,9 +166,7 @@ def _snapped(points: Floats, value: Floats, edges: Ints) -> tuple[Floats, Floats
         rival = np.full(len(points), np.inf)  # the best share among a node's neighbours
         np.minimum.at(rival, both[:, 0], best[both[:, 1]])
         # strict first by share, then by number, so that the best of all always moves
-        move = (share == best[i]) & (
-            (share < rival[i]) | ((share == rival[i]) & _lowest(best, both)[i])
-        )
+        move = (share == best[i]) & ((share < rival[i]) | ((share == rival[i]) & _lowest(best, both)[i]))
         nodes, first = np.unique(i[move], return_index=True)
         target, share = j[move][first], share[move][first]
         points[nodes] += share[:, None] * (points[target] - points[nodes])
@@ -204,23 +182,19 @@ def _lowest(best: Floats, both: Ints) -> Bools:
 
 
 def _unique_edges(cells: Ints) -> Ints:
-    edges = np.sort(
-        np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1
-    )
+    edges = np.sort(np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1)
     return np.unique(edges, axis=0)
 
 
 def _boundary(cells: Ints) -> Ints:
     """Edges of one cell only, directed with the cell on their left."""
     edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
-    _, first, count = np.unique(
-        np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
-    )
+    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     return edges[first[count == 1]]
 
 
 def _components(n: int, edges: Ints) -> Ints:
-    """The lowest node number of each node's connected part."""
+    """Return the lowest node number of each node's connected part."""
     label = np.arange(n)
     while True:
         low = np.minimum(label[edges[:, 0]], label[edges[:, 1]])
@@ -236,9 +210,7 @@ def _components(n: int, edges: Ints) -> Ints:
 
 def _largest_part(points: Floats, cells: Ints) -> tuple[Floats, Ints]:
     """Cells of the largest part joined edge to edge, nodes without cells dropped."""
-    edges = np.sort(
-        np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1
-    )
+    edges = np.sort(np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1)
     order = np.lexsort(edges.T)
     same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
     owner = order % len(cells)

@@ -31,7 +31,7 @@ DEFAULT_SEED = 1997
 
 
 def crack_plate(n: int = 5120, *, exponent: float = 0.75) -> Mesh:
-    """The paper's example: a unit square with a slit from the middle of its left side to the centre.
+    """Make the paper's example: a unit square with a slit from the middle of its left side to the centre.
 
     Refined towards the tip of the slit by longest-edge bisection; every triangle is 45-45-90. The nodes of the slit are
     doubled, the tip (0.5, 0.5) is single::
@@ -86,13 +86,11 @@ def crack_plate(n: int = 5120, *, exponent: float = 0.75) -> Mesh:
             [1, 0, 9],
         ]
     )
-    return Mesh(
-        *bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 12))
-    )
+    return Mesh(*bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 12)))
 
 
 def lshape(n: int = 5000, *, exponent: float = 2 / 3) -> Mesh:
-    """An L: the square (-1, 1)² without its lower right quarter, graded to the re-entrant corner at the origin.
+    """Make an L: the square (-1, 1)² without its lower right quarter, graded to the re-entrant corner at the origin.
 
     Parameters
     ----------
@@ -106,13 +104,11 @@ def lshape(n: int = 5000, *, exponent: float = 2 / 3) -> Mesh:
         dtype=float,
     )
     cells = np.array([[1, 2, 0], [3, 0, 2], [3, 4, 0], [5, 0, 4], [5, 6, 0], [7, 0, 6]])
-    return Mesh(
-        *bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 8))
-    )
+    return Mesh(*bisected(points, cells, _distance_power(points[0], exponent), _at_least(n, 8)))
 
 
 def graded_square(n: int = 10_000, ratio: float = 1e4) -> Mesh:
-    """A unit square whose edges grow in proportion to the distance from the point (1/4, 1/4).
+    """Make a unit square whose edges grow in proportion to the distance from the point (1/4, 1/4).
 
     Parameters
     ----------
@@ -148,7 +144,7 @@ def graded_square(n: int = 10_000, ratio: float = 1e4) -> Mesh:
 
 
 def square(n: int = 2500, *, seed: int | None = None) -> Mesh:
-    """A unit square on a lattice, each of its small squares cut along its shorter diagonal (alternating where equal).
+    """Make a unit square on a lattice, each of its small squares cut along its shorter diagonal.
 
     Parameters
     ----------
@@ -170,7 +166,7 @@ def square(n: int = 2500, *, seed: int | None = None) -> Mesh:
 
 
 def ring(n: int = 3000, *, inner: float = 0.3) -> Mesh:
-    """A ring of outer radius 1 about the origin, its cells nearly equilateral and growing outwards.
+    """Make a ring of outer radius 1 about the origin, its cells nearly equilateral and growing outwards.
 
     Parameters
     ----------
@@ -181,26 +177,20 @@ def ring(n: int = 3000, *, inner: float = 0.3) -> Mesh:
     """
     if not 0 < inner < 1:
         raise ValueError(f"'inner' is {inner}, expected 0 < inner < 1")
-    depth = -math.log(
-        inner
-    )  # rows r, r q, r q², ... with log q = √3/2 · 2π/around: height of an equilateral triangle
+    depth = -math.log(inner)  # rows r, r q, r q², ... with log q = √3/2 · 2π/around: height of an equilateral triangle
     around = max(6, round(math.sqrt(_at_least(n, 12) * math.sqrt(3) * math.pi / depth)))
     rows = max(1, round(depth * around / (math.sqrt(3) * math.pi)))
     row, step = np.meshgrid(np.arange(rows + 1), np.arange(around), indexing="ij")
     angle = 2 * math.pi * (step + row % 2 / 2) / around
     radius = np.exp(depth * (row / rows - 1))
-    points = np.stack(
-        [radius * np.cos(angle), radius * np.sin(angle)], axis=-1
-    ).reshape(-1, 2)
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2)
     nodes = np.arange(len(points)).reshape(rows + 1, around)
     nodes = np.concatenate([nodes, nodes[:, :1]], axis=1)
     return Mesh(points, _cut(points, nodes))
 
 
-def plate_with_holes(
-    n: int = 8000, holes: tuple[int, int] = (3, 3), *, seed: int = DEFAULT_SEED
-) -> Mesh:
-    """A plate of unit squares, each with a round hole of random size and place.
+def plate_with_holes(n: int = 8000, holes: tuple[int, int] = (3, 3), *, seed: int = DEFAULT_SEED) -> Mesh:
+    """Make a plate of unit squares, each with a round hole of random size and place.
 
     Parameters
     ----------
@@ -227,16 +217,14 @@ def plate_with_holes(
     while (4 * (k + 1) * layers(k + 1)).sum() <= n:
         k += 1
     parts = [
-        _around_hole(
-            np.array(place), k, centres[h], radii[h], layers(k)[h], circle=h + 1
-        )
+        _around_hole(np.array(place), k, centres[h], radii[h], layers(k)[h], circle=h + 1)
         for h, place in enumerate(places)
     ]
     return Mesh(*_joined(parts))
 
 
 def interface(n: int = 3000, *, radius: float = 0.25) -> Mesh:
-    """A unit square with a disc of another material in its middle: cell tag 1 outside, 2 inside.
+    """Make a unit square with a disc of another material in its middle: cell tag 1 outside, 2 inside.
 
     The circle between the two is a facet chain that every level keeps.
 
@@ -257,19 +245,17 @@ def interface(n: int = 3000, *, radius: float = 0.25) -> Mesh:
     k = 2
     while 4 * (k + 1) * layers(k + 1) + (k + 2) ** 2 <= n:
         k += 1
-    outside = _around_hole(
-        np.zeros(2, dtype=np.int64), k, np.array([0.5, 0.5]), radius, layers(k)
-    )
+    outside = _around_hole(np.zeros(2, dtype=np.int64), k, np.array([0.5, 0.5]), radius, layers(k))
     inside = _disc(k, np.array([0.5, 0.5]), radius)
     tags = np.repeat([1, 2], [len(outside[1]), len(inside[1])])
     return Mesh(*_joined([outside, inside]), cell_tags=tags)
 
 
 def line(n: int = 100, *, growth: float = 1.0) -> Mesh:
-    """A line of n nodes (d = 1), each edge `growth` times as long as the one before.
+    """Make a line of n nodes (d = 1), each edge `growth` times as long as the one before.
 
-    ``line(n, growth=2.0)`` is the paper's example of section 2.3: nodes at 2^i - 1, exactly. With growth 1 it is the unit
-    interval in equal parts.
+    ``line(n, growth=2.0)`` is the paper's example of section 2.3: nodes at 2^i - 1, exactly. With growth 1 it is the
+    unit interval in equal parts.
 
     Examples
     --------
@@ -279,9 +265,7 @@ def line(n: int = 100, *, growth: float = 1.0) -> Mesh:
     """
     steps = np.arange(_at_least(n, 2), dtype=float)
     if not growth > 0 or abs(math.log2(growth)) * n > 1000:
-        raise ValueError(
-            f"'growth' is {growth}, expected a positive number with growth**n within the range of floats"
-        )
+        raise ValueError(f"'growth' is {growth}, expected a positive number with growth**n within the range of floats")
     points = steps / (n - 1) if growth == 1 else (growth**steps - 1) / (growth - 1)
     nodes = np.arange(n)
     return Mesh(points[:, None], np.column_stack([nodes[:-1], nodes[1:]]))
@@ -303,40 +287,29 @@ def _distance_power(centre: Floats, exponent: float) -> Callable[[Floats], Float
 
 
 def _cut(points: Floats, nodes: Ints) -> Ints:
-    """Triangles of a lattice (k, l) of nodes: each of its cells cut along the shorter diagonal, alternating where equal."""
-    a, b, c, d = (
-        part.ravel()
-        for part in (nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:])
-    )
-    rising, falling = (
-        np.hypot(*(points[p] - points[q]).T) for p, q in ((a, c), (b, d))
-    )
-    alternate = (
-        np.add.outer(*(np.arange(steps - 1) for steps in nodes.shape)).ravel() % 2 == 1
-    )
-    fall = np.where(
-        np.isclose(rising, falling, rtol=1e-9, atol=0), alternate, falling < rising
-    )[:, None]
+    """Triangles of a lattice of nodes: each of its cells cut along the shorter diagonal, alternating where equal."""
+    a, b, c, d = (part.ravel() for part in (nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]))
+    rising, falling = (np.hypot(*(points[p] - points[q]).T) for p, q in ((a, c), (b, d)))
+    alternate = np.add.outer(*(np.arange(steps - 1) for steps in nodes.shape)).ravel() % 2 == 1
+    fall = np.where(np.isclose(rising, falling, rtol=1e-9, atol=0), alternate, falling < rising)[:, None]
     first = np.where(fall, np.column_stack([a, b, d]), np.column_stack([a, b, c]))
     second = np.where(fall, np.column_stack([b, c, d]), np.column_stack([a, c, d]))
     return np.concatenate([first, second])
 
 
 def _rim(k: int) -> Ints:
-    """The 4k lattice places on the rim of a square of k × k steps, counter-clockwise from its lower left corner."""
+    """Return the 4k places on the rim of a square of k × k steps, counter-clockwise from its lower left corner."""
     up, stay = np.arange(k), np.zeros(k, dtype=np.int64)
     sides = [(up, stay), (stay + k, up), (k - up, stay + k), (stay, k - up)]
     return np.concatenate([np.column_stack(side) for side in sides])
 
 
 Part = tuple[Floats, Ints, Ints]
-"""Points, cells, and a place (x, y, kind) of three integers for each node: equal places are one node; kind < 0: its own."""
+"""Points, cells, and a place (x, y, kind) for each node: equal places are one node; kind < 0: a node of its own."""
 
 
-def _around_hole(
-    corner: Ints, k: int, centre: Floats, radius: float, layers: int, *, circle: int = 1
-) -> Part:
-    """The square at `corner` outside a circle (of that number): 4k rays from the rim of the square to the circle.
+def _around_hole(corner: Ints, k: int, centre: Floats, radius: float, layers: int, *, circle: int = 1) -> Part:
+    """Return the square at `corner` outside a circle: 4k rays from its rim to the circle, which has that number.
 
     Layers shrink towards the circle as the rays close up.
     """
@@ -345,9 +318,7 @@ def _around_hole(
     angle = np.arctan2(*(outer - centre).T[::-1])
     arc = centre + radius * np.column_stack([np.cos(angle), np.sin(angle)])
     depth = np.linspace(0, 1, layers + 1)
-    depth = (1 - (2 * math.pi * radius / 4) ** depth) / (
-        1 - 2 * math.pi * radius / 4
-    )  # 0 on the rim, 1 on the circle
+    depth = (1 - (2 * math.pi * radius / 4) ** depth) / (1 - 2 * math.pi * radius / 4)  # 0 on the rim, 1 on the circle
     points = corner + outer[None] + depth[:, None, None] * (arc - outer)[None]
     points[-1] = corner + arc
     nodes = np.arange((layers + 1) * 4 * k).reshape(layers + 1, 4 * k)
@@ -360,7 +331,7 @@ def _around_hole(
 
 
 def _disc(k: int, centre: Floats, radius: float) -> Part:
-    """A lattice of k × k steps laid into a circle, its rim at the same angles as the rays of `_around_hole`.
+    """Return a lattice of k × k steps laid into a circle, its rim at the same angles as the rays of `_around_hole`.
 
     Along a ray from the middle a node keeps its share of the way to the rim: squares become circles.
     """
@@ -369,21 +340,12 @@ def _disc(k: int, centre: Floats, radius: float) -> Part:
     largest = np.abs(x).max(axis=-1)
     length = np.hypot(x[..., 0], x[..., 1])
     # between a square in the middle and a circle at the rim
-    round_ = (
-        x
-        * np.divide(largest, length, out=np.ones_like(length), where=length > 0)[
-            ..., None
-        ]
-    )
+    round_ = x * np.divide(largest, length, out=np.ones_like(length), where=length > 0)[..., None]
     shape = largest[..., None] ** 2
-    points = centre + radius * (
-        shape * round_ + (1 - shape) * x * (1 / math.sqrt(2) + 0.15)
-    )
+    points = centre + radius * (shape * round_ + (1 - shape) * x * (1 / math.sqrt(2) + 0.15))
     places = np.full((k + 1, k + 1, 3), -1, dtype=np.int64)
     rim = _rim(k)
-    places[rim[:, 0], rim[:, 1]] = np.column_stack(
-        [rim, np.ones(4 * k, dtype=np.int64)]
-    )
+    places[rim[:, 0], rim[:, 1]] = np.column_stack([rim, np.ones(4 * k, dtype=np.int64)])
     nodes = np.arange((k + 1) ** 2).reshape(k + 1, k + 1)
     points = points.reshape(-1, 2)
     return points, _cut(points, nodes), places.reshape(-1, 3)
@@ -393,16 +355,10 @@ def _joined(parts: list[Part]) -> tuple[Floats, Ints]:
     """One mesh of several parts: nodes of equal places become one."""
     points, places = (np.concatenate([part[i] for part in parts]) for i in (0, 2))
     starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
-    cells = np.concatenate(
-        [part[1] + start for part, start in zip(parts, starts, strict=True)]
-    )
+    cells = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
     single = places[:, 2] < 0
-    places[single] = np.column_stack(
-        [np.flatnonzero(single), np.zeros(single.sum()), np.full(single.sum(), -1)]
-    )
-    _, first, inverse = np.unique(
-        places, axis=0, return_index=True, return_inverse=True
-    )
+    places[single] = np.column_stack([np.flatnonzero(single), np.zeros(single.sum()), np.full(single.sum(), -1)])
+    _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)  # number the nodes as they first come
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

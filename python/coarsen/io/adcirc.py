@@ -1,13 +1,15 @@
 """ADCIRC ``fort.14`` / ``.grd`` and SCHISM ``.gr3``: nodes with depth, triangles, strings of boundary nodes.
 
-After the ADCIRC user's manual (fort.14) and the SCHISM manual (hgrid.gr3). A boundary's facet tag is its IBTYPE (0, 10, 20 mainland, 1, 11,
-21 islands, 3, 13, 23 outer barriers, 4, 24 weirs in the sea with nodes in pairs on both sides, …); open boundaries have tag -1.
-Depth is the nodal field ``depth``; heights and coefficients of barriers are the nodal fields ``barrier:0`` … and NaN elsewhere.
+After the ADCIRC user's manual (fort.14) and the SCHISM manual (hgrid.gr3). A boundary's facet tag is its IBTYPE (0,
+10, 20 mainland, 1, 11, 21 islands, 3, 13, 23 outer barriers, 4, 24 weirs in the sea with nodes in pairs on both
+sides, …); open boundaries have tag -1. Depth is the nodal field ``depth``; heights and coefficients of barriers are
+the nodal fields ``barrier:0`` … and NaN elsewhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -28,19 +30,13 @@ def read_grid(path: Path) -> Draft:
     """Read nodes, depths, cells and, where the file has them, boundaries."""
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     if len(lines) < 3:
-        raise MeshError(
-            f"'{path.name}': {len(lines)} lines, expected a title, two counts, nodes and cells"
-        )
+        raise MeshError(f"'{path.name}': {len(lines)} lines, expected a title, two counts, nodes and cells")
     n_cells, n_points = _whole_numbers(lines[1], 2, 2)
     body = lines[2 : 2 + n_points]
     rows = lines[2 + n_points : 2 + n_points + n_cells]
     if len(body) < n_points or len(rows) < n_cells:
-        raise MeshError(
-            f"'{path.name}': ends early: {n_points} nodes and {n_cells} cells were announced on line 2"
-        )
-    nodes = np.array([line.split()[:4] for line in body], dtype=np.float64).reshape(
-        -1, 4
-    )
+        raise MeshError(f"'{path.name}': ends early: {n_points} nodes and {n_cells} cells were announced on line 2")
+    nodes = np.array([line.split()[:4] for line in body], dtype=np.float64).reshape(-1, 4)
     numbers = nodes[:, 0].astype(np.int64)
     place = _Places(numbers)
     draft = Draft(
@@ -54,9 +50,7 @@ def read_grid(path: Path) -> Draft:
         if block:
             draft.blocks.append((kind, place(np.array(block, dtype=np.int64)), None))
     if other := {int(cell[1]) for cell in cells} - {3, 4}:
-        raise MeshError(
-            f"'{path.name}': a cell of {min(other)} nodes, expected 3 (or 4)"
-        )
+        raise MeshError(f"'{path.name}': a cell of {min(other)} nodes, expected 3 (or 4)")
     rest = _Lines(lines, 2 + n_points + n_cells)
     if rest.more():
         _boundaries(draft, rest, place)
@@ -111,9 +105,7 @@ def _whole_numbers(line: str, least: int, number: int = 0) -> list[int]:
             break
     if len(found) < least:
         where = f"line {number}" if number else "the list of boundaries"
-        raise MeshError(
-            f"{where}: {line.strip()[:60]!r}, expected {least} whole number{'s' * (least > 1)}"
-        )
+        raise MeshError(f"{where}: {line.strip()[:60]!r}, expected {least} whole number{'s' * (least > 1)}")
     return found
 
 
@@ -124,11 +116,7 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
 
     def string(nodes: Any, tag: int, *, closed: bool = False) -> None:
         nodes = list(nodes) + ([nodes[0]] if closed and nodes[0] != nodes[-1] else [])
-        pairs = [
-            pair
-            for pair in zip(nodes[:-1], nodes[1:], strict=True)
-            if pair[0] != pair[1]
-        ]
+        pairs = [pair for pair in pairwise(nodes) if pair[0] != pair[1]]
         facets.extend(pairs)
         tags.extend([tag] * len(pairs))
 
@@ -150,16 +138,11 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
                 string(front, kind)
                 string(back, kind)
                 for near, far, row in zip(front, back, rows, strict=True):
-                    values[int(near)] = values[int(far)] = tuple(
-                        float(word) for word in row[2:]
-                    )
+                    values[int(near)] = values[int(far)] = tuple(float(word) for word in row[2:])
             else:
                 string(front, kind, closed=kind in ISLANDS)
                 if kind in OUTER_BARRIERS:
-                    values |= {
-                        int(n): tuple(map(float, row[1:]))
-                        for n, row in zip(front, rows, strict=True)
-                    }
+                    values |= {int(n): tuple(map(float, row[1:])) for n, row in zip(front, rows, strict=True)}
     if facets:
         draft.facets, draft.facet_tags = (
             np.array(facets, dtype=np.int64),
@@ -180,14 +163,10 @@ def write_grid(draft: Draft, path: Path) -> None:
     cells = draft.blocks[0][1]
     if cells.shape[1] != 3:
         raise MeshError("this format holds triangles only")
-    depth = np.asarray(
-        draft.point_data.get("depth", np.zeros(len(draft.points)))
-    ).reshape(len(draft.points), -1)[:, 0]
+    depth = np.asarray(draft.point_data.get("depth", np.zeros(len(draft.points)))).reshape(len(draft.points), -1)[:, 0]
     with path.open("w", encoding="utf-8") as out:
         out.write(f"written by coarsen\n{len(cells)} {len(draft.points)}\n")
-        for number, (x, y, z) in enumerate(
-            zip(*draft.points.T.tolist(), depth.tolist(), strict=True), 1
-        ):
+        for number, (x, y, z) in enumerate(zip(*draft.points.T.tolist(), depth.tolist(), strict=True), 1):
             out.write(f"{number} {x!r} {y!r} {z!r}\n")
         for number, (a, b, c) in enumerate((cells + 1).tolist(), 1):
             out.write(f"{number} 3 {a} {b} {c}\n")
@@ -197,34 +176,24 @@ def write_grid(draft: Draft, path: Path) -> None:
 def _boundary_lines(draft: Draft) -> Iterator[str]:
     strings: list[tuple[int, list[int]]] = []
     if draft.facets is not None:
-        tags = (
-            np.zeros(len(draft.facets), np.int64)
-            if draft.facet_tags is None
-            else draft.facet_tags
-        )
+        tags = np.zeros(len(draft.facets), np.int64) if draft.facet_tags is None else draft.facet_tags
         for tag in np.unique(tags):
-            strings += [
-                (int(tag), nodes) for nodes in node_strings(draft.facets[tags == tag])
-            ]
+            strings += [(int(tag), nodes) for nodes in node_strings(draft.facets[tags == tag])]
     open_ = [nodes for tag, nodes in strings if tag == OPEN]
     yield f"{len(open_)} = Number of open boundaries"
     yield f"{sum(map(len, open_))} = Total number of open boundary nodes"
     for number, nodes in enumerate(open_, 1):
         yield f"{len(nodes)} = Number of nodes for open boundary {number}"
         yield from (str(node + 1) for node in nodes)
-    land = [
-        _land(draft, tag, nodes, back) for tag, nodes, back in _paired(draft, strings)
-    ]
+    land = [_land(draft, tag, nodes, back) for tag, nodes, back in _paired(draft, strings)]
     yield f"{len(land)} = Number of land boundaries"
     yield f"{sum(count for count, _, _ in land)} = Total number of land boundary nodes"
-    for number, (count, kind, lines) in enumerate(land, 1):
+    for number, (_, kind, lines) in enumerate(land, 1):
         yield f"{len(lines)} {kind} = Number of nodes for land boundary {number}"
         yield from lines
 
 
-def _paired(
-    draft: Draft, strings: list[tuple[int, list[int]]]
-) -> Iterator[tuple[int, list[int], list[int]]]:
+def _paired(draft: Draft, strings: list[tuple[int, list[int]]]) -> Iterator[tuple[int, list[int], list[int]]]:
     """Strings that are not open; of weirs both sides together, the other side in the order of this."""
     waiting = [item for item in strings if item[0] != OPEN]
     while waiting:
@@ -232,11 +201,7 @@ def _paired(
         if tag not in WEIRS:
             yield tag, nodes, []
             continue
-        partners = [
-            k
-            for k, (other, side) in enumerate(waiting)
-            if other == tag and len(side) == len(nodes)
-        ]
+        partners = [k for k, (other, side) in enumerate(waiting) if other == tag and len(side) == len(nodes)]
         if not partners:
             yield 20, nodes, []
             continue
@@ -244,32 +209,20 @@ def _paired(
         def apart(side: list[int], nodes: list[int] = nodes) -> float:
             return float(np.abs(draft.points[side] - draft.points[nodes]).sum())
 
-        sides = [
-            (k, side) for k in partners for side in (waiting[k][1], waiting[k][1][::-1])
-        ]
+        sides = [(k, side) for k in partners for side in (waiting[k][1], waiting[k][1][::-1])]
         k, side = min(sides, key=lambda item: apart(item[1]))
         waiting.pop(k)
         yield tag, nodes, side
 
 
-def _land(
-    draft: Draft, tag: int, nodes: list[int], back: list[int]
-) -> tuple[int, int, list[str]]:
-    fields = [
-        values
-        for name, values in draft.point_data.items()
-        if name.startswith("barrier:")
-    ]
+def _land(draft: Draft, tag: int, nodes: list[int], back: list[int]) -> tuple[int, int, list[str]]:
+    fields = [values for name, values in draft.point_data.items() if name.startswith("barrier:")]
     if tag in ISLANDS and nodes[0] == nodes[-1]:
         nodes = nodes[:-1]
     lines = []
     for k, node in enumerate(nodes):
         words = [str(node + 1)] + ([str(back[k] + 1)] if back else [])
         if back or tag in OUTER_BARRIERS:
-            words += [
-                repr(float(values[node]))
-                for values in fields
-                if np.isfinite(values[node])
-            ]
+            words += [repr(float(values[node])) for values in fields if np.isfinite(values[node])]
         lines.append(" ".join(words))
     return len(nodes) * (2 if back else 1), tag, lines

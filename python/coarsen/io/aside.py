@@ -22,17 +22,15 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
     path = Path(path)
     with _beside(path) as folder:
         yield folder / path.name
-        for written in sorted(
-            folder.iterdir()
-        ):  # a format may write more than one file
+        for written in sorted(folder.iterdir()):  # a format may write more than one file
             os.replace(written, path.parent / written.name)
 
 
 @contextmanager
 def folder_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a new folder beside `path`; when all went well, move what it holds into `path`, which is made where it is missing.
+    """Give a new folder beside `path`; when all went well, move what it holds into `path`.
 
-    Other files of an old `path` stay; those of the same name are replaced.
+    `path` is made where it is missing. Other files of an old `path` stay; those of the same name are replaced.
 
     Raises
     ------

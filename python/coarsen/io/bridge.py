@@ -66,9 +66,7 @@ def meshio() -> Any:
     try:
         return importlib.import_module("meshio")
     except ImportError:
-        raise ImportError(
-            "this format needs meshio: pip install 'coarsen-mesh[io]'"
-        ) from None
+        raise ImportError("this format needs meshio: pip install 'coarsen-mesh[io]'") from None
 
 
 def extensions() -> dict[str, list[str]]:
@@ -82,8 +80,8 @@ def extensions() -> dict[str, list[str]]:
 def from_meshio(other: Any, *, split_quads: bool = False, repair: bool = False) -> Mesh:
     """Make a mesh of a ``meshio.Mesh``.
 
-    Triangles become cells, lines facets; ``gmsh:physical`` and its kin become tags; point data is carried along. A constant
-    height is dropped.
+    Triangles become cells, lines facets; ``gmsh:physical`` and its kin become tags; point data is carried along. A
+    constant height is dropped.
 
     Parameters
     ----------
@@ -104,9 +102,7 @@ def from_meshio(other: Any, *, split_quads: bool = False, repair: bool = False) 
 def draft_from_meshio(other: Any) -> Draft:
     """Sort what a ``meshio.Mesh`` holds into a draft."""
     tags = _tags(other)
-    solid = {"triangle", "quad", "triangle6", "triangle7", "quad8", "quad9"} & {
-        block.type for block in other.cells
-    }
+    solid = {"triangle", "quad", "triangle6", "triangle7", "quad8", "quad9"} & {block.type for block in other.cells}
     draft = Draft(np.asarray(other.points), [], point_data={})
     facets, facet_tags = [], []
     for block, tag in zip(other.cells, tags, strict=True):
@@ -115,13 +111,9 @@ def draft_from_meshio(other: Any) -> Draft:
             continue
         if kind.startswith("line") and solid:
             facets.append(cells[:, :2])
-            facet_tags.append(
-                np.zeros(len(cells), dtype=np.int64) if tag is None else tag
-            )
+            facet_tags.append(np.zeros(len(cells), dtype=np.int64) if tag is None else tag)
         elif kind == "polygon":
-            kind = {3: "triangle", 4: "quad"}.get(
-                cells.shape[1], f"polygon{cells.shape[1]}"
-            )
+            kind = {3: "triangle", 4: "quad"}.get(cells.shape[1], f"polygon{cells.shape[1]}")
             draft.blocks.append((kind, cells, tag))
         else:
             draft.blocks.append((kind, cells, tag))
@@ -133,9 +125,7 @@ def draft_from_meshio(other: Any) -> Draft:
         if not draft.facet_tags.any():
             draft.facet_tags = None
     draft.point_data = {
-        name: np.asarray(values)
-        for name, values in other.point_data.items()
-        if not name.startswith("gmsh:")
+        name: np.asarray(values) for name, values in other.point_data.items() if not name.startswith("gmsh:")
     }
     for name, (tag, dim) in _names(other).items():
         {1: draft.facet_names, 2: draft.cell_names}.get(dim, {})[tag] = name
@@ -146,28 +136,22 @@ def _names(other: Any) -> dict[str, tuple[int, int]]:
     """Names of tags and the dimension they belong to, from gmsh's physical names."""
     names = {}
     for name, value in (other.field_data or {}).items():
-        value = np.asarray(value).ravel()
-        if value.size == 2 and np.issubdtype(value.dtype, np.integer):
-            names[str(name)] = (int(value[0]), int(value[1]))
+        pair = np.asarray(value).ravel()
+        if pair.size == 2 and np.issubdtype(pair.dtype, np.integer):
+            names[str(name)] = (int(pair[0]), int(pair[1]))
     return names
 
 
 def _tags(other: Any) -> list[Any]:
-    """The tags of every block: of the first name that has whole numbers, or of sets that do not overlap."""
+    """Return the tags of every block: of the first name that has whole numbers, or of sets that do not overlap."""
     for name in _TAG_NAMES:
         values = other.cell_data.get(name)
         if values is None:
             continue
         values = [np.asarray(value) for value in values]
-        if all(value.ndim == 1 and _whole(value) for value in values) and any(
-            np.any(value) for value in values
-        ):
+        if all(value.ndim == 1 and _whole(value) for value in values) and any(np.any(value) for value in values):
             return [value.astype(np.int64) for value in values]
-    sets = {
-        name: blocks
-        for name, blocks in (other.cell_sets or {}).items()
-        if not name.startswith("gmsh:")
-    }
+    sets = {name: blocks for name, blocks in (other.cell_sets or {}).items() if not name.startswith("gmsh:")}
     if not sets:
         return [None] * len(other.cells)
     tags = [np.zeros(len(block.data), dtype=np.int64) for block in other.cells]
@@ -181,13 +165,11 @@ def _tags(other: Any) -> list[Any]:
 def _whole(values: Any) -> bool:
     if np.issubdtype(values.dtype, np.integer):
         return True
-    return bool(
-        np.issubdtype(values.dtype, np.floating) and np.all(values == np.round(values))
-    )
+    return bool(np.issubdtype(values.dtype, np.floating) and np.all(values == np.round(values)))
 
 
 def to_meshio(mesh: Mesh) -> Any:
-    """Return a ``meshio.Mesh``: cells and given facets, ``cell_tags`` as cell data of both, nodal fields as point data."""
+    """Return a ``meshio.Mesh``: cells, given facets, ``cell_tags`` as cell data of both, nodal fields as point data."""
     return meshio_from_draft(drafted(mesh))
 
 
@@ -198,10 +180,7 @@ def meshio_from_draft(draft: Draft, tag_name: str = "cell_tags") -> Any:
         blocks.append(("line", draft.facets, draft.facet_tags))
     cell_data = {}
     if any(tags is not None for _, _, tags in blocks):
-        cell_data[tag_name] = [
-            np.zeros(len(cells), np.int64) if tags is None else tags
-            for _, cells, tags in blocks
-        ]
+        cell_data[tag_name] = [np.zeros(len(cells), np.int64) if tags is None else tags for _, cells, tags in blocks]
         if tag_name == "gmsh:physical":  # the format wants both
             cell_data["gmsh:geometrical"] = cell_data[tag_name]
     names = {name: np.array([tag, 1]) for tag, name in draft.facet_names.items()}
@@ -209,9 +188,7 @@ def meshio_from_draft(draft: Draft, tag_name: str = "cell_tags") -> Any:
     return meshio().Mesh(
         np.array(draft.points),
         [(kind, np.asarray(cells)) for kind, cells, _ in blocks],
-        point_data={
-            name: np.asarray(values) for name, values in draft.point_data.items()
-        },
+        point_data={name: np.asarray(values) for name, values in draft.point_data.items()},
         cell_data=cell_data,
         field_data=names,
     )
@@ -225,17 +202,13 @@ def read_through_meshio(path: Path) -> Draft:
 def write_through_meshio(draft: Draft, path: Path) -> None:
     """Write the format that meshio keeps for the ending of `path`."""
     suffix = path.suffix.lower()
-    formats = [
-        f for f in extensions().get(suffix, []) if f in meshio()._helpers._writer_map
-    ]
+    formats = [f for f in extensions().get(suffix, []) if f in meshio()._helpers._writer_map]
     chosen = "gmsh" if "gmsh" in formats else formats[0] if formats else None
     other = meshio_from_draft(draft, _OWN_TAG.get(chosen or "", "cell_tags"))
     missing = 3 - other.points.shape[1]
     if missing > 0 and not (chosen in _FLAT_FORMATS and missing == 1):
         other.points = np.pad(other.points, ((0, 0), (0, missing)))
-    options: dict[str, Any] = (
-        {"data_format": "XML"} if chosen == "xdmf" else {}
-    )  # one file, not two
+    options: dict[str, Any] = {"data_format": "XML"} if chosen == "xdmf" else {}  # one file, not two
     _quietly(
         path,
         "write",
@@ -259,12 +232,6 @@ def _quietly(path: Path, what: str, act: Callable[[], Any]) -> Any:
         Exception,
         SystemExit,
     ) as error:  # whatever a parser of a broken file may raise
-        reason = (
-            str(error)
-            if str(error) and not isinstance(error, SystemExit)
-            else said.getvalue()
-        )
+        reason = str(error) if str(error) and not isinstance(error, SystemExit) else said.getvalue()
         reason = " ".join(reason.split()) or type(error).__name__
-        raise MeshError(
-            f"'{path.name}': meshio cannot {what} it: {reason[:200]}"
-        ) from None
+        raise MeshError(f"'{path.name}': meshio cannot {what} it: {reason[:200]}") from None

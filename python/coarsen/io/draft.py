@@ -1,7 +1,7 @@
 """What a file says, before it is a mesh: the only place that turns the one into the other.
 
-Readers fill a :class:`Draft` and judge nothing. Here quadrilaterals are refused or cut, tetrahedra and surfaces refused, a
-constant height dropped; the rest is judged by :class:`coarsen.Mesh` itself.
+Readers fill a :class:`Draft` and judge nothing. Here quadrilaterals are refused or cut, tetrahedra and surfaces
+refused, a constant height dropped; the rest is judged by :class:`coarsen.Mesh` itself.
 """
 
 from __future__ import annotations
@@ -54,9 +54,7 @@ class Draft:
     facet_names: dict[int, str] = field(default_factory=dict)
     cell_names: dict[int, str] = field(default_factory=dict)
 
-    def mesh(
-        self, *, split_quads: bool = False, repair: bool = False
-    ) -> tuple[Mesh, str]:
+    def mesh(self, *, split_quads: bool = False, repair: bool = False) -> tuple[Mesh, str]:
         """Return the mesh and, as text, what a repair did (empty without one).
 
         Raises
@@ -64,11 +62,7 @@ class Draft:
         MeshError
             If the cells are no triangles (nor, in one dimension, edges), or break a rule of a legal mesh.
         """
-        blocks = [
-            (kind, np.asarray(cells), tags)
-            for kind, cells, tags in self.blocks
-            if len(cells)
-        ]
+        blocks = [(kind, np.asarray(cells), tags) for kind, cells, tags in self.blocks if len(cells)]
         blocks = self._corners(blocks, repair=repair)
         kinds = {kind for kind, _, _ in blocks}
         odd = sorted(kinds - _PLANE.keys() - {"line"})
@@ -101,34 +95,25 @@ class Draft:
         return Mesh(points, cells, **given), ""
 
     def _corners(self, blocks: list[Any], *, repair: bool) -> list[Any]:
-        curved = {
-            kind: len(cells) for kind, cells, _ in blocks if kind in _HIGHER_ORDER
-        }
+        curved = {kind: len(cells) for kind, cells, _ in blocks if kind in _HIGHER_ORDER}
         if curved and not repair:
             raise MeshError(
                 f"{_counts(curved)} have nodes on their edges; coarsen takes straight triangles: "
                 "read(path, repair=True) or --repair keeps their corners"
             )
-        return [
-            (kind.rstrip("0123456789"), cells[:, : _HIGHER_ORDER.get(kind)], tags)
-            for kind, cells, tags in blocks
-        ]
+        return [(kind.rstrip("0123456789"), cells[:, : _HIGHER_ORDER.get(kind)], tags) for kind, cells, tags in blocks]
 
 
 def _counts(kinds: dict[str, int]) -> str:
-    return ", ".join(
-        f"{count} cells of type '{kind}'" for kind, count in sorted(kinds.items())
-    )
+    return ", ".join(f"{count} cells of type '{kind}'" for kind, count in sorted(kinds.items()))
 
 
 def _refusal(odd: list[str], blocks: list[Any]) -> str:
-    counts = _counts(
-        {kind: sum(len(cells) for k, cells, _ in blocks if k == kind) for kind in odd}
-    )
+    counts = _counts({kind: sum(len(cells) for k, cells, _ in blocks if k == kind) for kind in odd})
     if any(kind.startswith(("tetra", "hexa", "wedge", "pyramid")) for kind in odd):
         return (
-            f"{counts}: a mesh of solids; coarsen builds hierarchies of triangles in the plane (spacing and selection of "
-            "its points work in three dimensions: coarsen.spacing, coarsen.selection)"
+            f"{counts}: a mesh of solids; coarsen builds hierarchies of triangles in the plane (in three dimensions "
+            "coarsen.spacing and coarsen.selection work on its points)"
         )
     return f"{counts}: coarsen takes triangles in the plane"
 
@@ -149,51 +134,33 @@ def _flat(points: NDArray[Any], dim: int) -> NDArray[Any]:
 
 
 def _joined(blocks: list[Any], width: int) -> tuple[NDArray[Any], NDArray[Any] | None]:
-    cells = (
-        np.concatenate([cells for _, cells, _ in blocks])
-        if blocks
-        else np.zeros((0, width), dtype=np.int64)
-    )
+    cells = np.concatenate([cells for _, cells, _ in blocks]) if blocks else np.zeros((0, width), dtype=np.int64)
     if all(tags is None for _, _, tags in blocks):
         return cells, None
-    zeros = [
-        np.zeros(len(cells), dtype=np.int64) if tags is None else np.asarray(tags)
-        for _, cells, tags in blocks
-    ]
+    zeros = [np.zeros(len(cells), dtype=np.int64) if tags is None else np.asarray(tags) for _, cells, tags in blocks]
     return cells, np.concatenate(zeros)
 
 
-def _triangles(
-    points: NDArray[Any], blocks: list[Any], *, split_quads: bool
-) -> tuple[NDArray[Any], Any]:
+def _triangles(points: NDArray[Any], blocks: list[Any], *, split_quads: bool) -> tuple[NDArray[Any], Any]:
     quads = sum(len(cells) for kind, cells, _ in blocks if kind == "quad")
     if quads and not split_quads:
         every = sum(len(cells) for _, cells, _ in blocks)
-        among = f"{quads} quadrilaterals" + (
-            f" among {every} cells" if quads < every else ""
-        )
+        among = f"{quads} quadrilaterals" + (f" among {every} cells" if quads < every else "")
         raise MeshError(
             f"{among} (type 'quad'); coarsen takes triangles: read(path, split_quads=True) or --split-quads cuts each "
             "along its shorter diagonal"
         )
     return _joined(
-        [
-            split_quad_block(points, *block[1:]) if block[0] == "quad" else block
-            for block in blocks
-        ],
+        [split_quad_block(points, *block[1:]) if block[0] == "quad" else block for block in blocks],
         3,
     )
 
 
-def split_quad_block(
-    points: NDArray[Any], quads: NDArray[Any], tags: NDArray[Any] | None
-) -> tuple[str, Any, Any]:
+def split_quad_block(points: NDArray[Any], quads: NDArray[Any], tags: NDArray[Any] | None) -> tuple[str, Any, Any]:
     """Cut every quadrilateral in two along its shorter diagonal, or the one that lies inside where only one does."""
     if len(quads) and (quads.min() < 0 or quads.max() >= len(points)):
         bad = int(np.flatnonzero(((quads < 0) | (quads >= len(points))).any(axis=1))[0])
-        raise MeshError(
-            f"'quads' row {bad} is {quads[bad].tolist()}, expected indices from 0 to {len(points) - 1}"
-        )
+        raise MeshError(f"'quads' row {bad} is {quads[bad].tolist()}, expected indices from 0 to {len(points) - 1}")
     a, b, c, d = (points[quads[:, k], :2] for k in range(4))
 
     def turn(p: Any, q: Any, r: Any) -> Any:
@@ -223,7 +190,7 @@ def _once(facets: Any, tags: Any) -> tuple[Any, Any]:
 
 
 def drafted(mesh: Mesh) -> Draft:
-    """The draft of a mesh, for the writers; boundary facets that were not given stay out."""
+    """Return the draft of a mesh, for the writers; boundary facets that were not given stay out."""
     kind = "triangle" if mesh.dim == 2 else "line"
     return Draft(
         points=mesh.points,

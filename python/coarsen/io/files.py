@@ -28,9 +28,7 @@ FAMILIES = (
     Family("NumPy archive", (".npz",), npz.read_npz, npz.write_npz),
     Family("ADCIRC grid", (".14", ".grd"), adcirc.read_grid, adcirc.write_grid),
     Family("SCHISM grid", (".gr3", ".ll"), adcirc.read_grid, adcirc.write_grid),
-    Family(
-        "TELEMAC Selafin", (".slf", ".srf"), selafin.read_selafin, selafin.write_selafin
-    ),
+    Family("TELEMAC Selafin", (".slf", ".srf"), selafin.read_selafin, selafin.write_selafin),
     Family("UGRID NetCDF", (".nc",), ugrid.read_ugrid, ugrid.write_ugrid),
     Family(
         "Triangle",
@@ -59,19 +57,17 @@ def _family(path: Path, *, write: bool) -> Family:
             bridge.write_through_meshio,
         )
     known = ", ".join(writable() if write else readable())
-    raise MeshError(
-        f"'{path.name}': no format is known by this ending, expected one of {known}"
-    )
+    raise MeshError(f"'{path.name}': no format is known by this ending, expected one of {known}")
 
 
 def readable() -> list[str]:
-    """Endings of the files :func:`read` takes, sorted."""
+    """Return endings of the files :func:`read` takes, sorted."""
     own = {ending for family in FAMILIES for ending in family.endings}
     return sorted(own | set(bridge.extensions()))
 
 
 def writable() -> list[str]:
-    """Endings of the files :func:`write` makes, sorted."""
+    """Return endings of the files :func:`write` makes, sorted."""
     return readable()
 
 
@@ -96,9 +92,7 @@ def read_draft(path: str | os.PathLike[str]) -> Draft:
     except (MeshError, ImportError, MemoryError):
         raise
     except OSError as error:
-        raise MeshError(
-            f"'{path.name}': cannot be read as {family.name}: {error}"
-        ) from None
+        raise MeshError(f"'{path.name}': cannot be read as {family.name}: {error}") from None
     except (
         ValueError,
         KeyError,
@@ -109,22 +103,18 @@ def read_draft(path: str | os.PathLike[str]) -> Draft:
         AttributeError,
     ) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise MeshError(
-            f"'{path.name}': not a readable {family.name} file: {reason}"
-        ) from None
+        raise MeshError(f"'{path.name}': not a readable {family.name} file: {reason}") from None
 
 
-def read(
-    path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False
-) -> Mesh:
+def read(path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False) -> Mesh:
     """Read a mesh from a file; the end of its name tells the format.
 
     Parameters
     ----------
     path : path
-        Anything meshio reads (``.msh``, ``.vtu``, ``.vtk``, ``.xdmf``, ``.obj``, ``.med``, …), ADCIRC ``fort.14`` and ``.grd``,
-        SCHISM ``.gr3``, TELEMAC ``.slf``, UGRID ``.nc``, Triangle's ``.node``/``.ele``/``.poly``, SU2, and ``.npz``. Tags,
-        boundaries and nodal fields come along; a constant height is dropped.
+        Anything meshio reads (``.msh``, ``.vtu``, ``.vtk``, ``.xdmf``, ``.obj``, ``.med``, …), ADCIRC ``fort.14`` and
+        ``.grd``, SCHISM ``.gr3``, TELEMAC ``.slf``, UGRID ``.nc``, Triangle's ``.node``/``.ele``/``.poly``, SU2, and
+        ``.npz``. Tags, boundaries and nodal fields come along; a constant height is dropped.
     split_quads : bool
         Cut quadrilaterals along their shorter diagonals; without it they raise.
     repair : bool
@@ -140,18 +130,14 @@ def read(
     return read_and_tell(path, split_quads=split_quads, repair=repair)[0]
 
 
-def read_and_tell(
-    path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False
-) -> tuple[Mesh, str]:
+def read_and_tell(path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False) -> tuple[Mesh, str]:
     """Do as :func:`read` does, and tell what a repair did."""
     draft = read_draft(path)
     try:
         return draft.mesh(split_quads=split_quads, repair=repair)
     except MeshError as error:
         text = str(error)
-        if not repair and not any(
-            offer in text for offer in ("--repair", "--split-quads", "coarsen takes")
-        ):
+        if not repair and not any(offer in text for offer in ("--repair", "--split-quads", "coarsen takes")):
             text += " [read(path, repair=True) or --repair mends orphans, doubles and empty cells]"
         raise MeshError(f"'{Path(path).name}': {text}") from None
 

@@ -1,7 +1,7 @@
 """Whole hierarchies: a folder with one file a level that ParaView opens as a series, or one archive, bit for bit.
 
-The archive keeps the points once and of each level what cannot be taken from the finest: nodes, cells, spacing and the topology of its
-facets. Loading checks shapes and index ranges, not the geometry again.
+The archive keeps the points once and of each level what cannot be taken from the finest: nodes, cells, spacing and
+the topology of its facets. Loading checks shapes and index ranges, not the geometry again.
 """
 
 from __future__ import annotations
@@ -28,9 +28,7 @@ VERSION = 1
 _MESH_ARRAYS = ("cells", "facets", "facet_tags", "cell_tags")
 
 
-def write_hierarchy(
-    h: Hierarchy, folder: str | os.PathLike[str], format: str = "vtu"
-) -> list[Path]:
+def write_hierarchy(h: Hierarchy, folder: str | os.PathLike[str], format: str = "vtu") -> list[Path]:
     """Write one file a level, with ``node``, ``spacing``, tags and nodal fields as data, and a series for ParaView.
 
     Parameters
@@ -44,7 +42,8 @@ def write_hierarchy(
     Returns
     -------
     list of Path
-        The files: the levels', finest first, then ``levels.pvd`` (vtu) and ``levels.vtu.series`` or ``levels.vtk.series``.
+        The files: the levels', finest first, then ``levels.pvd`` (vtu) and ``levels.vtu.series`` or
+        ``levels.vtk.series``.
 
     Raises
     ------
@@ -55,9 +54,7 @@ def write_hierarchy(
     try:
         family = _family(Path("level" + ending), write=True)
     except MeshError:
-        raise ValueError(
-            f"'format' is {format!r}, expected one of {', '.join(e[1:] for e in readable())}"
-        ) from None
+        raise ValueError(f"'format' is {format!r}, expected one of {', '.join(e[1:] for e in readable())}") from None
     folder = Path(folder)
     width = len(str(len(h) - 1))
     names = [f"level_{i:0{width}d}{ending}" for i in range(len(h))]
@@ -74,19 +71,13 @@ def write_hierarchy(
     return [folder / name for name in names]
 
 
-def _write_series(
-    h: Hierarchy, folder: Path, names: list[str], ending: str
-) -> list[str]:
+def _write_series(h: Hierarchy, folder: Path, names: list[str], ending: str) -> list[str]:
     written = []
     if ending == ".vtu":
-        rows = "".join(
-            f'    <DataSet timestep="{i}" part="0" file="{name}"/>\n'
-            for i, name in enumerate(names)
-        )
-        head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
-        (folder / "levels.pvd").write_text(
-            head + rows + "  </Collection>\n</VTKFile>\n", encoding="utf-8"
-        )
+        rows = "".join(f'    <DataSet timestep="{i}" part="0" file="{name}"/>\n' for i, name in enumerate(names))
+        kind = 'type="Collection" version="0.1" byte_order="LittleEndian"'
+        text = f'<?xml version="1.0"?>\n<VTKFile {kind}>\n  <Collection>\n{rows}  </Collection>\n</VTKFile>\n'
+        (folder / "levels.pvd").write_text(text, encoding="utf-8")
         written.append("levels.pvd")
     if ending in (".vtu", ".vtk"):
         files = [{"name": name, "time": i} for i, name in enumerate(names)]
@@ -96,9 +87,7 @@ def _write_series(
     return written
 
 
-def save_hierarchy(
-    h: Hierarchy, path: str | os.PathLike[str], *, operators: bool = False
-) -> None:
+def save_hierarchy(h: Hierarchy, path: str | os.PathLike[str], *, operators: bool = False) -> None:
     """Write the whole hierarchy to one ``.npz``; :func:`load_hierarchy` reads it back bit for bit.
 
     Parameters
@@ -131,18 +120,13 @@ def save_hierarchy(
         )
         if operators and i:
             matrix = h.prolongation(i)
-            arrays |= {
-                f"prolongation:{i}:{part}": getattr(matrix, part)
-                for part in ("data", "indices", "indptr")
-            }
+            arrays |= {f"prolongation:{i}:{part}": getattr(matrix, part) for part in ("data", "indices", "indptr")}
     for name, value in options.items():
         if isinstance(value, np.ndarray):
             arrays[f"option:{name}"] = value
             options[name] = None
         elif callable(value):
-            options[name] = (
-                None  # a function cannot be kept; what it gave is in the levels' spacing
-            )
+            options[name] = None  # a function cannot be kept; what it gave is in the levels' spacing
     head = {
         "version": VERSION,
         "stopped": h.stopped,
@@ -171,15 +155,11 @@ def load_hierarchy(path: str | os.PathLike[str]) -> Hierarchy:
     path = Path(path)
     arrays = arrays_of(path)
     if HIERARCHY_KEY not in arrays:
-        raise MeshError(
-            f"'{path.name}' holds no hierarchy (coarsen.read reads single meshes)"
-        )
+        raise MeshError(f"'{path.name}' holds no hierarchy (coarsen.read reads single meshes)")
     try:
         return _assembled(arrays)
     except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise MeshError(
-            f"'{path.name}': a damaged hierarchy: {' '.join(str(error).split())}"
-        ) from None
+        raise MeshError(f"'{path.name}': a damaged hierarchy: {' '.join(str(error).split())}") from None
 
 
 def _assembled(arrays: dict[str, Any]) -> Hierarchy:
@@ -190,11 +170,7 @@ def _assembled(arrays: dict[str, Any]) -> Hierarchy:
     if head["version"] != VERSION:
         raise ValueError(f"layout {head['version']}, this version reads {VERSION}")
     points = arrays["points"]
-    fields = {
-        name.partition(":")[2]: array
-        for name, array in arrays.items()
-        if name.startswith("point_data:")
-    }
+    fields = {name.partition(":")[2]: array for name, array in arrays.items() if name.startswith("point_data:")}
     levels = []
     for i, told in enumerate(head["levels"]):
         nodes = arrays[f"{i}:nodes"]
@@ -214,11 +190,7 @@ def _assembled(arrays: dict[str, Any]) -> Hierarchy:
             facets=arrays.get(f"{i}:facets"),
             facet_tags=arrays.get(f"{i}:facet_tags"),
             cell_tags=arrays.get(f"{i}:cell_tags"),
-            point_data={
-                name: values if i == 0 else values[nodes]
-                for name, values in fields.items()
-            }
-            or None,
+            point_data={name: values if i == 0 else values[nodes] for name, values in fields.items()} or None,
         )
         levels.append(
             Level(
@@ -231,11 +203,7 @@ def _assembled(arrays: dict[str, Any]) -> Hierarchy:
             )
         )
     options = head["options"]
-    options |= {
-        name.partition(":")[2]: array
-        for name, array in arrays.items()
-        if name.startswith("option:")
-    }
+    options |= {name.partition(":")[2]: array for name, array in arrays.items() if name.startswith("option:")}
     if options.get("spacing", "nearest") is None:
         options["spacing"] = "nearest"
     return Hierarchy(levels, head["stopped"], Options(**options))
@@ -243,6 +211,4 @@ def _assembled(arrays: dict[str, Any]) -> Hierarchy:
 
 def _check_range(name: str, values: Any, end: int) -> None:
     if len(values) and (values.min() < 0 or values.max() >= end):
-        raise ValueError(
-            f"'{name}' runs from {values.min()} to {values.max()}, expected 0 to {end - 1}"
-        )
+        raise ValueError(f"'{name}' runs from {values.min()} to {values.max()}, expected 0 to {end - 1}")

@@ -1,8 +1,9 @@
 """NumPy archives: our own layout, and the looser ones people keep their meshes in.
 
-Own keys: ``points``, ``cells``, ``facets``, ``facet_tags``, ``cell_tags``, ``point_data:NAME``, ``facet_names``/``cell_names`` (a
-(k,) array of tags and one of names). Also read: ``triangles``, ``quads``, ``tetra`` for cells, ``segments``,
-``segment_markers`` and ``segment_names`` for facets; any other array with one row a node is a nodal field.
+Own keys: ``points``, ``cells``, ``facets``, ``facet_tags``, ``cell_tags``, ``point_data:NAME``,
+``facet_names``/``cell_names`` (a (k,) array of tags and one of names). Also read: ``triangles``, ``quads``, ``tetra``
+for cells, ``segments``, ``segment_markers`` and ``segment_names`` for facets; any other array with one row a node is
+a nodal field.
 """
 
 from __future__ import annotations
@@ -46,22 +47,16 @@ def arrays_of(path: Path) -> dict[str, np.ndarray[Any, Any]]:
                 raise MeshError(f"'{path.name}': not an archive of named arrays")
             return {name: archive[name] for name in archive.files}
     except (zipfile.BadZipFile, EOFError) as error:
-        raise MeshError(
-            f"'{path.name}': not a readable NumPy archive: {error}"
-        ) from None
+        raise MeshError(f"'{path.name}': not a readable NumPy archive: {error}") from None
 
 
 def read_npz(path: Path) -> Draft:
     """Read any of the layouts above."""
     arrays = arrays_of(path)
     if HIERARCHY_KEY in arrays:
-        raise MeshError(
-            f"'{path.name}' holds a whole hierarchy: coarsen.load(path) reads it"
-        )
+        raise MeshError(f"'{path.name}' holds a whole hierarchy: coarsen.load(path) reads it")
     if "points" not in arrays:
-        raise MeshError(
-            f"'{path.name}': no array 'points' in it, only {', '.join(sorted(arrays)) or 'nothing'}"
-        )
+        raise MeshError(f"'{path.name}': no array 'points' in it, only {', '.join(sorted(arrays)) or 'nothing'}")
     draft = Draft(arrays["points"], [])
     tags = arrays.get("cell_tags")
     kinds = {2: "line", 3: "triangle", 4: "tetra"}
@@ -77,26 +72,20 @@ def read_npz(path: Path) -> Draft:
         elif name in _CELLS:
             draft.blocks.append((_CELLS[name], cells, None))
     if not draft.blocks:
-        raise MeshError(
-            f"'{path.name}': no array 'cells' or 'triangles' in it, only {', '.join(sorted(arrays))}"
-        )
+        raise MeshError(f"'{path.name}': no array 'cells' or 'triangles' in it, only {', '.join(sorted(arrays))}")
     if tags is not None:
         _share_tags(draft, tags, path)
     draft.facets = arrays.get("facets", arrays.get("segments"))
     draft.facet_tags = arrays.get("facet_tags", arrays.get("segment_markers"))
     if "segment_names" in arrays:
-        draft.facet_names = {
-            number: str(name) for number, name in enumerate(arrays["segment_names"])
-        }
+        draft.facet_names = {number: str(name) for number, name in enumerate(arrays["segment_names"])}
     for which, names in (
         ("facet_names", draft.facet_names),
         ("cell_names", draft.cell_names),
     ):
         if which in arrays:
             numbers = arrays[which + ":tags"].tolist()
-            names.update(
-                zip(numbers, (str(name) for name in arrays[which]), strict=True)
-            )
+            names.update(zip(numbers, (str(name) for name in arrays[which]), strict=True))
     for name, values in arrays.items():
         if name.startswith(_FIELD):
             draft.point_data[name.removeprefix(_FIELD)] = values
@@ -113,9 +102,7 @@ def read_npz(path: Path) -> Draft:
 def _share_tags(draft: Draft, tags: np.ndarray[Any, Any], path: Path) -> None:
     total = sum(len(cells) for _, cells, _ in draft.blocks)
     if len(tags) != total:
-        raise MeshError(
-            f"'{path.name}': 'cell_tags' has {len(tags)} entries, expected {total}, one a cell"
-        )
+        raise MeshError(f"'{path.name}': 'cell_tags' has {len(tags)} entries, expected {total}, one a cell")
     starts = np.cumsum([0] + [len(cells) for _, cells, _ in draft.blocks])
     draft.blocks = [
         (kind, cells, tags[start : start + len(cells)])
@@ -138,6 +125,4 @@ def write_npz(draft: Draft, path: Path) -> None:
                 which: np.array(list(names.values())),
                 which + ":tags": np.array(list(names)),
             }
-    np.savez_compressed(
-        path, allow_pickle=False, **{k: v for k, v in arrays.items() if v is not None}
-    )
+    np.savez_compressed(path, allow_pickle=False, **{k: v for k, v in arrays.items() if v is not None})

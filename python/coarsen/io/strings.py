@@ -31,25 +31,19 @@ def node_strings(facets: Any) -> list[list[int]]:
             edge = following[0]
 
     strings = []
-    for number, (a, b) in enumerate(
-        edges
-    ):  # first those with ends, from their first node on, then the rings
+    for number, (a, b) in enumerate(edges):  # first those with ends, from their first node on, then the rings
         if used[number]:
             continue
         if len(at[a]) != 2:
             strings.append(walk(number, a))
         elif len(at[b]) != 2 and not _leads_from(edges, at, number):
             strings.append(walk(number, b)[::-1])
-    strings += [
-        walk(number, a) for number, (a, _) in enumerate(edges) if not used[number]
-    ]
+    strings += [walk(number, a) for number, (a, _) in enumerate(edges) if not used[number]]
     return strings
 
 
-def _leads_from(
-    edges: list[tuple[int, int]], at: dict[int, list[int]], last: int
-) -> bool:
-    """Whether the string that ends with this edge starts with an edge directed along it (which then starts the walk)."""
+def _leads_from(edges: list[tuple[int, int]], at: dict[int, list[int]], last: int) -> bool:
+    """Whether the string that ends with this edge starts with an edge directed along it, which starts the walk."""
     edge, node = last, edges[last][0]
     while len(at[node]) == 2:
         edge = next(other for other in at[node] if other != edge)

@@ -1,7 +1,8 @@
 """SU2: keywords and lists; markers by name; several zones in one file.
 
-After the SU2 documentation, "Mesh File". Cells are ``type nodes… [number]`` with VTK types (3 line, 5 triangle, 9 quadrilateral, …). Markers become facet tags
-0, 1, … in the order they first come, with their names; of several zones each gets a cell tag 1, 2, ….
+After the SU2 documentation, "Mesh File". Cells are ``type nodes… [number]`` with VTK types (3 line, 5 triangle, 9
+quadrilateral, …). Markers become facet tags 0, 1, … in the order they first come, with their names; of several zones
+each gets a cell tag 1, 2, ….
 """
 
 from __future__ import annotations
@@ -26,10 +27,7 @@ _KINDS |= {13: ("wedge", 6), 14: ("pyramid", 5)}
 
 def read_su2(path: Path) -> Draft:
     """Read all zones; nodes are numbered on from zone to zone."""
-    lines = [
-        line.split("%")[0].strip()
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines()
-    ]
+    lines = [line.split("%")[0].strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
     points: list[Any] = []
     cells: dict[str, list[list[int]]] = {}
     zones: dict[str, list[int]] = {}
@@ -53,16 +51,12 @@ def read_su2(path: Path) -> Draft:
             zone, start = int(value), sum(map(len, points))
         elif key == "NPOIN":
             rows, at = _rows(lines, at, int(value.split()[0]), key, path)
-            points.append(
-                np.array([row[:dim] for row in rows], dtype=np.float64).reshape(-1, dim)
-            )
+            points.append(np.array([row[:dim] for row in rows], dtype=np.float64).reshape(-1, dim))
         elif key == "NELEM":
             rows, at = _rows(lines, at, int(value), key, path)
             for row in rows:
                 kind, corners = _kind(row, path)
-                cells.setdefault(kind, []).append(
-                    [int(node) + start for node in row[1 : 1 + corners]]
-                )
+                cells.setdefault(kind, []).append([int(node) + start for node in row[1 : 1 + corners]])
                 zones.setdefault(kind, []).append(zone)
         elif key == "MARKER_TAG":
             tag = names.setdefault(value, len(names))
@@ -96,15 +90,11 @@ def read_su2(path: Path) -> Draft:
     return draft
 
 
-def _rows(
-    lines: list[str], at: int, count: int, key: str, path: Path
-) -> tuple[list[list[str]], int]:
+def _rows(lines: list[str], at: int, count: int, key: str, path: Path) -> tuple[list[list[str]], int]:
     rows = []
     while len(rows) < count:
         if at >= len(lines) or "=" in lines[at]:
-            raise MeshError(
-                f"'{path.name}': {key} announces {count} rows, {len(rows)} follow"
-            )
+            raise MeshError(f"'{path.name}': {key} announces {count} rows, {len(rows)} follow")
         if lines[at]:
             rows.append(lines[at].split())
         at += 1
@@ -114,9 +104,7 @@ def _rows(
 def _kind(row: list[str], path: Path) -> tuple[str, int]:
     kind = _KINDS.get(int(row[0]))
     if kind is None:
-        raise MeshError(
-            f"'{path.name}': a cell of VTK type {row[0]}, which SU2 does not have"
-        )
+        raise MeshError(f"'{path.name}': a cell of VTK type {row[0]}, which SU2 does not have")
     return kind
 
 
@@ -130,28 +118,14 @@ def write_su2(draft: Draft, path: Path) -> None:
         raise MeshError("this format holds triangles only")
     with path.open("w", encoding="utf-8") as out:
         out.write(f"NDIME= 2\nNELEM= {len(cells)}\n")
-        out.writelines(
-            f"5 {a} {b} {c} {k}\n" for k, (a, b, c) in enumerate(cells.tolist())
-        )
+        out.writelines(f"5 {a} {b} {c} {k}\n" for k, (a, b, c) in enumerate(cells.tolist()))
         out.write(f"NPOIN= {len(draft.points)}\n")
-        out.writelines(
-            f"{x!r} {y!r} {k}\n" for k, (x, y) in enumerate(draft.points.tolist())
-        )
-        facets = (
-            np.zeros((0, 2), np.int64)
-            if draft.facets is None
-            else np.asarray(draft.facets)
-        )
-        tags = (
-            np.zeros(len(facets), np.int64)
-            if draft.facet_tags is None
-            else np.asarray(draft.facet_tags)
-        )
+        out.writelines(f"{x!r} {y!r} {k}\n" for k, (x, y) in enumerate(draft.points.tolist()))
+        facets = np.zeros((0, 2), np.int64) if draft.facets is None else np.asarray(draft.facets)
+        tags = np.zeros(len(facets), np.int64) if draft.facet_tags is None else np.asarray(draft.facet_tags)
         order = np.unique(tags)
         out.write(f"NMARK= {len(order)}\n")
         for tag in order.tolist():
             chosen = facets[tags == tag].tolist()
-            out.write(
-                f"MARKER_TAG= {draft.facet_names.get(tag, f'marker_{tag}')}\nMARKER_ELEMS= {len(chosen)}\n"
-            )
+            out.write(f"MARKER_TAG= {draft.facet_names.get(tag, f'marker_{tag}')}\nMARKER_ELEMS= {len(chosen)}\n")
             out.writelines(f"3 {a} {b}\n" for a, b in chosen)

@@ -1,7 +1,7 @@
 """Shewchuk's Triangle: ``NAME.node``, ``NAME.ele``, and ``NAME.poly`` or ``NAME.edge`` for facets, side by side.
 
-Attributes of nodes become the nodal fields ``attribute``, ``attribute:1``, …; the first attribute of a cell, where it is whole, its tag; markers
-of segments (edges) their facet tags.
+Attributes of nodes become the nodal fields ``attribute``, ``attribute:1``, …; the first attribute of a cell, where it
+is whole, its tag; markers of segments (edges) their facet tags.
 """
 
 from __future__ import annotations
@@ -16,38 +16,27 @@ from .draft import Draft
 
 
 def _table(path: Path) -> tuple[list[int], list[list[str]]]:
-    """The head of whole numbers and the rows after it, without comments."""
-    lines = (
-        line.split("#")[0].split()
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines()
-    )
+    """Return the head of whole numbers and the rows after it, without comments."""
+    lines = (line.split("#")[0].split() for line in path.read_text(encoding="utf-8", errors="replace").splitlines())
     rows = [line for line in lines if line]
     if not rows:
         raise MeshError(f"'{path.name}': empty")
     return [int(word) for word in rows[0]], rows[1:]
 
 
-def _numbers(
-    path: Path, rows: list[list[str]], count: int, width: int
-) -> np.ndarray[Any, Any]:
+def _numbers(path: Path, rows: list[list[str]], count: int, width: int) -> np.ndarray[Any, Any]:
     if len(rows) < count or any(len(row) < width for row in rows[:count]):
         raise MeshError(f"'{path.name}': expected {count} rows of {width} numbers")
-    return np.array([row[:width] for row in rows[:count]], dtype=np.float64).reshape(
-        count, width
-    )
+    return np.array([row[:width] for row in rows[:count]], dtype=np.float64).reshape(count, width)
 
 
 def read_triangle(path: Path) -> Draft:
     """Read the files that share the name of `path` up to its ending."""
     stem = path.with_suffix("")
-    node, ele, poly, edge = (
-        Path(f"{stem}{ending}") for ending in (".node", ".ele", ".poly", ".edge")
-    )
+    node, ele, poly, edge = (Path(f"{stem}{ending}") for ending in (".node", ".ele", ".poly", ".edge"))
     for needed in (node, ele):
         if not needed.exists():
-            raise MeshError(
-                f"'{path.name}': '{needed.name}' is missing beside it; a mesh needs .node and .ele"
-            )
+            raise MeshError(f"'{path.name}': '{needed.name}' is missing beside it; a mesh needs .node and .ele")
     (count, dim, n_attributes, *markers), rows = _table(node)
     if dim != 2:
         raise MeshError(
@@ -55,13 +44,10 @@ def read_triangle(path: Path) -> Draft:
         )
     table = _numbers(node, rows, count, 3 + n_attributes + bool(markers and markers[0]))
     first = int(table[0, 0]) if count else 0
-    (n_cells, corners, n_tags), rows = (lambda head, rest: ((*head, 0, 0)[:3], rest))(
-        *_table(ele)
-    )
+    head, rows = _table(ele)
+    n_cells, corners, n_tags = (*head, 0, 0)[:3]
     cells = _numbers(ele, rows, n_cells, 1 + corners + n_tags)
-    kind = {3: "triangle", 6: "triangle6", 4: "tetra"}.get(
-        corners, f"cells of {corners} nodes"
-    )
+    kind = {3: "triangle", 6: "triangle6", 4: "tetra"}.get(corners, f"cells of {corners} nodes")
     tags = cells[:, 1 + corners] if n_tags else None
     if tags is not None and not np.array_equal(tags, np.round(tags)):
         tags = None
@@ -76,9 +62,7 @@ def read_triangle(path: Path) -> Draft:
         ],
     )
     for k in range(n_attributes):
-        draft.point_data[f"attribute:{k}" if k else "attribute"] = table[
-            :, 3 + k
-        ].copy()
+        draft.point_data[f"attribute:{k}" if k else "attribute"] = table[:, 3 + k].copy()
     if poly.exists():
         head, rows = _table(poly)
         skipped = head[0]
@@ -88,9 +72,7 @@ def read_triangle(path: Path) -> Draft:
     elif edge.exists():
         head, rows = _table(edge)
         found = _numbers(edge, rows, head[0], 3 + bool(len(head) > 1 and head[1]))
-        _facets(
-            draft, found[found[:, 3] != 0] if found.shape[1] > 3 else found[:0], first
-        )
+        _facets(draft, found[found[:, 3] != 0] if found.shape[1] > 3 else found[:0], first)
     return draft
 
 
@@ -106,14 +88,8 @@ def write_triangle(draft: Draft, path: Path) -> None:
     (_, cells, tags) = draft.blocks[0]
     if cells.shape[1] != 3:
         raise MeshError("this format holds triangles only")
-    fields = [
-        np.asarray(values, dtype=np.float64) for values in draft.point_data.values()
-    ]
-    columns = [
-        column
-        for values in fields
-        for column in values.reshape(len(draft.points), -1).T.tolist()
-    ]
+    fields = [np.asarray(values, dtype=np.float64) for values in draft.point_data.values()]
+    columns = [column for values in fields for column in values.reshape(len(draft.points), -1).T.tolist()]
     with Path(f"{stem}.node").open("w", encoding="utf-8") as out:
         out.write(f"{len(draft.points)} 2 {len(columns)} 0\n")
         for k, row in enumerate(zip(*draft.points.T.tolist(), *columns, strict=True)):
@@ -121,9 +97,7 @@ def write_triangle(draft: Draft, path: Path) -> None:
     with Path(f"{stem}.ele").open("w", encoding="utf-8") as out:
         out.write(f"{len(cells)} 3 {int(tags is not None)}\n")
         for k, row in enumerate(cells.tolist()):
-            out.write(
-                f"{k} {' '.join(map(str, row))}{'' if tags is None else f' {tags[k]}'}\n"
-            )
+            out.write(f"{k} {' '.join(map(str, row))}{'' if tags is None else f' {tags[k]}'}\n")
     if draft.facets is not None and len(draft.facets):
         marks = draft.facet_tags
         with Path(f"{stem}.poly").open("w", encoding="utf-8") as out:

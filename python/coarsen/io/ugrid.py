@@ -1,7 +1,8 @@
-"""NetCDF of unstructured grids: the UGRID conventions 1.0, and FVCOM's older layout (``nv``, ``lon``/``lat`` or ``x``/``y``).
+"""NetCDF of unstructured grids: the UGRID conventions 1.0, and FVCOM's older layout.
 
-The attribute ``start_index`` is often wrong in the wild; what the indices say comes first: a 0 in them means 0-based, the number of
-nodes in them 1-based, and only where both or neither appear is the attribute believed.
+FVCOM has ``nv`` for the cells, counted from 1, and ``lon``/``lat`` or ``x``/``y``.
+The attribute ``start_index`` is often wrong in the wild; what the indices say comes first: a 0 in them means 0-based,
+the number of nodes in them 1-based, and only where both or neither appear is the attribute believed.
 """
 
 from __future__ import annotations
@@ -22,9 +23,7 @@ def _netcdf() -> Any:
     try:
         return importlib.import_module("netCDF4")
     except ImportError:
-        raise ImportError(
-            "this format needs netCDF4: pip install 'coarsen-mesh[io]'"
-        ) from None
+        raise ImportError("this format needs netCDF4: pip install 'coarsen-mesh[io]'") from None
 
 
 def read_ugrid(path: Path) -> Draft:
@@ -32,43 +31,25 @@ def read_ugrid(path: Path) -> Draft:
     with _netcdf().Dataset(path) as file:
         variables = file.variables
         mesh = next(
-            (
-                v
-                for v in variables.values()
-                if _attribute(v, "cf_role") == "mesh_topology"
-            ),
+            (v for v in variables.values() if _attribute(v, "cf_role") == "mesh_topology"),
             None,
         )
         if mesh is None:
             return _read_fvcom(file, path)
         if int(_attribute(mesh, "topology_dimension", 2)) != 2:
-            raise MeshError(
-                f"'{path.name}': topology_dimension {mesh.topology_dimension}, expected 2"
-            )
+            raise MeshError(f"'{path.name}': topology_dimension {mesh.topology_dimension}, expected 2")
         x, y = _node_coordinates(file, mesh, path)
         name = _attribute(mesh, "face_node_connectivity")
         if name not in variables:
-            raise MeshError(
-                f"'{path.name}': the mesh topology names no face_node_connectivity"
-            )
-        faces = _connectivity(
-            variables[name], len(x), _attribute(mesh, "face_dimension")
-        )
+            raise MeshError(f"'{path.name}': the mesh topology names no face_node_connectivity")
+        faces = _connectivity(variables[name], len(x), _attribute(mesh, "face_dimension"))
         draft = Draft(np.column_stack([x, y]), _blocks(faces))
-        facets = _attribute(mesh, "boundary_node_connectivity") or _attribute(
-            mesh, "edge_node_connectivity"
-        )
+        facets = _attribute(mesh, "boundary_node_connectivity") or _attribute(mesh, "edge_node_connectivity")
         tags = variables.get("facet_tags")
-        if facets in variables and (
-            facets == _attribute(mesh, "boundary_node_connectivity") or tags is not None
-        ):
-            draft.facets = _connectivity(
-                variables[facets], len(x), _attribute(mesh, "edge_dimension")
-            )
+        if facets in variables and (facets == _attribute(mesh, "boundary_node_connectivity") or tags is not None):
+            draft.facets = _connectivity(variables[facets], len(x), _attribute(mesh, "edge_dimension"))
             draft.facet_tags = None if tags is None else np.asarray(tags[:])
-        node_dim = variables[
-            _attribute(mesh, "node_coordinates").split()[0]
-        ].dimensions[0]
+        node_dim = variables[_attribute(mesh, "node_coordinates").split()[0]].dimensions[0]
         skipped = {
             *_attribute(mesh, "node_coordinates").split(),
             name,
@@ -76,9 +57,7 @@ def read_ugrid(path: Path) -> Draft:
             mesh.name,
         }
         _fields(draft, file, node_dim, skipped)
-        if "cell_tags" in variables and np.shape(variables["cell_tags"]) == (
-            len(faces),
-        ):
+        if "cell_tags" in variables and np.shape(variables["cell_tags"]) == (len(faces),):
             _share(draft, faces, np.asarray(variables["cell_tags"][:]))
         return draft
 
@@ -90,34 +69,26 @@ def _attribute(variable: Any, name: str, default: Any = "") -> Any:
 def _node_coordinates(file: Any, mesh: Any, path: Path) -> tuple[Any, Any]:
     names = str(_attribute(mesh, "node_coordinates")).split()
     if len(names) < 2 or any(name not in file.variables for name in names[:2]):
-        raise MeshError(
-            f"'{path.name}': node_coordinates names {' '.join(names) or 'nothing'}, expected two variables"
-        )
+        raise MeshError(f"'{path.name}': node_coordinates names {' '.join(names) or 'nothing'}, expected two variables")
     first, second = names[:2]
     if _is_latitude(file.variables[first]):
         first, second = second, first
-    return tuple(
-        np.ma.filled(file.variables[name][:].astype(np.float64), np.nan)
-        for name in (first, second)
-    )  # type: ignore[return-value]
+    x, y = (np.ma.filled(file.variables[name][:].astype(np.float64), np.nan) for name in (first, second))
+    return x, y
 
 
 def _is_latitude(variable: Any) -> bool:
-    return "latitude" in str(_attribute(variable, "standard_name")) or str(
-        _attribute(variable, "units")
-    ).startswith("degrees_n")
+    return "latitude" in str(_attribute(variable, "standard_name")) or str(_attribute(variable, "units")).startswith(
+        "degrees_n"
+    )
 
 
 def _connectivity(variable: Any, n_points: int, rows: str = "") -> Any:
     """(m, k) indices, 0-based, -1 where a row is shorter."""
     values = np.ma.filled(np.ma.masked_invalid(variable[:].astype(np.float64)), np.nan)
-    if (rows and variable.dimensions[1] == rows) or (
-        not rows and values.shape[0] <= 4 < values.shape[1]
-    ):  # noqa: PLR2004
+    if (rows and variable.dimensions[1] == rows) or (not rows and values.shape[0] <= 4 < values.shape[1]):
         values = values.T
-    values[(values < 0) | (values > n_points)] = (
-        np.nan
-    )  # other marks of shorter rows, such as 999999
+    values[(values < 0) | (values > n_points)] = np.nan  # other marks of shorter rows, such as 999999
     known = values[np.isfinite(values)]
     zero, last = bool((known == 0).any()), bool((known == n_points).any())
     start = int(_attribute(variable, "start_index", 0) or 0)
@@ -154,46 +125,28 @@ def _fields(draft: Draft, file: Any, node_dim: str, skipped: set[str]) -> None:
             continue
         if variable.dimensions == (node_dim,):
             values = variable[:]
-        elif (
-            len(variable.dimensions) == 2
-            and variable.dimensions[1] == node_dim
-            and variable.shape[0]
-        ):  # noqa: PLR2004
+        elif len(variable.dimensions) == 2 and variable.dimensions[1] == node_dim and variable.shape[0]:
             values = variable[-1]
         else:
             continue
         draft.point_data[name] = (
-            np.ma.filled(values.astype(np.float64), np.nan)
-            if np.ma.is_masked(values)
-            else np.asarray(values)
+            np.ma.filled(values.astype(np.float64), np.nan) if np.ma.is_masked(values) else np.asarray(values)
         )
 
 
 def _read_fvcom(file: Any, path: Path) -> Draft:
     variables = file.variables
     pair = next(
-        (
-            p
-            for p in (("x", "y"), ("lon", "lat"))
-            if all(name in variables for name in p)
-        ),
+        (p for p in (("x", "y"), ("lon", "lat")) if all(name in variables for name in p)),
         None,
     )
     if "nv" not in variables or pair is None:
-        raise MeshError(
-            f"'{path.name}': neither a UGRID mesh topology nor FVCOM's nv with x, y or lon, lat"
-        )
-    if (
-        not np.any(variables[pair[0]][:]) and "lon" in variables
-    ):  # FVCOM leaves x and y zero in geographic runs
+        raise MeshError(f"'{path.name}': neither a UGRID mesh topology nor FVCOM's nv with x, y or lon, lat")
+    if not np.any(variables[pair[0]][:]) and "lon" in variables:  # FVCOM leaves x and y zero in geographic runs
         pair = ("lon", "lat")
     x, y = (np.asarray(variables[name][:], dtype=np.float64) for name in pair)
-    draft = Draft(
-        np.column_stack([x, y]), _blocks(_connectivity(variables["nv"], len(x)))
-    )
-    _fields(
-        draft, file, variables[pair[0]].dimensions[0], {"x", "y", "lon", "lat", "nv"}
-    )
+    draft = Draft(np.column_stack([x, y]), _blocks(_connectivity(variables["nv"], len(x))))
+    _fields(draft, file, variables[pair[0]].dimensions[0], {"x", "y", "lon", "lat", "nv"})
     if "h" in draft.point_data:
         draft.point_data["depth"] = draft.point_data.pop("h")
     return draft
@@ -234,9 +187,7 @@ def write_ugrid(draft: Draft, path: Path) -> None:
             mesh.boundary_node_connectivity = "facet_nodes"
             _indices(file, "facet_nodes", ("facet", "two"), draft.facets)
             if draft.facet_tags is not None:
-                file.createVariable("facet_tags", "i8", ("facet",))[:] = (
-                    draft.facet_tags
-                )
+                file.createVariable("facet_tags", "i8", ("facet",))[:] = draft.facet_tags
         for name, values in draft.point_data.items():
             columns = np.asarray(values).reshape(len(draft.points), -1).T
             for k, column in enumerate(columns):
