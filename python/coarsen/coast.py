@@ -18,8 +18,8 @@ import numpy as np
 from .bisection import Bools, Floats, Ints, bisected
 from .mesh import Mesh
 
-OPEN, MAINLAND, ISLAND = 1, 2, 3
-"""Facet tags of :func:`coast`."""
+OPEN, MAINLAND, ISLAND = -1, 20, 21
+"""Facet tags of :func:`coast`, ADCIRC's own, so that a ``fort.14`` of it is one."""
 
 _WAVES = 60
 _SNAP = 0.3  # share of an edge under which its node is moved onto the zero line
@@ -41,7 +41,7 @@ def coast(n: int = 10_000, *, seed: int = 1997, extent: float = 100e3) -> Mesh:
     Returns
     -------
     Mesh
-        ``facet_tags`` are 1 on the open boundary, 2 on the mainland, 3 on islands; ``point_data["depth"]`` in metres.
+        ``facet_tags`` are -1 on the open boundary, 20 on the mainland, 21 on islands; ``point_data["depth"]`` in metres.
     """
     if n < 200:
         raise ValueError(f"'n' is {n}, expected n >= 200")

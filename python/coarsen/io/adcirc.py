@@ -114,8 +114,12 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
     tags: list[int] = []
     values: dict[int, tuple[float, ...]] = {}
 
+    edges = {(min(a, b), max(a, b)) for _, cells, _ in draft.blocks for a, b in _sides(cells)}
+
     def string(nodes: Any, tag: int, *, closed: bool = False) -> None:
-        nodes = list(nodes) + ([nodes[0]] if closed and nodes[0] != nodes[-1] else [])
+        nodes = [int(node) for node in nodes]
+        if closed and (min(nodes[0], nodes[-1]), max(nodes[0], nodes[-1])) in edges:
+            nodes.append(nodes[0])  # islands are told without their first node again
         pairs = [pair for pair in pairwise(nodes) if pair[0] != pair[1]]
         facets.extend(pairs)
         tags.extend([tag] * len(pairs))
@@ -153,6 +157,10 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
         for node, value in values.items():
             field[node] = value[column] if column < len(value) else np.nan
         draft.point_data[_BARRIER.format(column)] = field
+
+
+def _sides(cells: Any) -> Any:
+    return np.concatenate([cells[:, [k, (k + 1) % cells.shape[1]]] for k in range(cells.shape[1])]).tolist()
 
 
 def write_grid(draft: Draft, path: Path) -> None:

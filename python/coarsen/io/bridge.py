@@ -11,6 +11,7 @@ import importlib
 import io
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,8 @@ _OWN_TAG |= {
     "tetgen": "tetgen:ref",
     "flac3d": "flac3d:group",
 }
+_TRIANGLES_ONLY = {"obj", "off", "stl", "svg", "wkt", "tecplot", "hmf"}
+"""Formats without edges, or whose edges meshio cannot read back."""
 _FLAT_FORMATS = {"su2", "xdmf", "dolfin-xml", "medit", "svg"}
 
 
@@ -69,12 +72,15 @@ def meshio() -> Any:
         raise ImportError("this format needs meshio: pip install 'coarsen-mesh[io]'") from None
 
 
-def extensions() -> dict[str, list[str]]:
-    """File name endings meshio knows, and its formats of each; empty without meshio."""
+def extensions(*, write: bool = False) -> dict[str, list[str]]:
+    """File name endings meshio reads or writes, and its formats of each; empty without meshio."""
     try:
-        return dict(meshio().extension_to_filetypes)
+        helpers = importlib.import_module(meshio().__name__ + "._helpers")
     except ImportError:
         return {}
+    able = helpers._writer_map if write else helpers.reader_map
+    kept = {end: [f for f in formats if f in able] for end, formats in helpers.extension_to_filetypes.items()}
+    return {ending: formats for ending, formats in kept.items() if formats}
 
 
 def from_meshio(other: Any, *, split_quads: bool = False, repair: bool = False) -> Mesh:
@@ -124,8 +130,12 @@ def draft_from_meshio(other: Any) -> Draft:
         )
         if not draft.facet_tags.any():
             draft.facet_tags = None
+    if not any(np.any(tag) for _, _, tag in draft.blocks if tag is not None):  # zero stands for none
+        draft.blocks = [(kind, cells, None) for kind, cells, _ in draft.blocks]
     draft.point_data = {
-        name: np.asarray(values) for name, values in other.point_data.items() if not name.startswith("gmsh:")
+        name: np.asarray(values)
+        for name, values in other.point_data.items()
+        if not name.startswith(("gmsh:", "medit:"))
     }
     for name, (tag, dim) in _names(other).items():
         {1: draft.facet_names, 2: draft.cell_names}.get(dim, {})[tag] = name
@@ -201,10 +211,13 @@ def read_through_meshio(path: Path) -> Draft:
 
 def write_through_meshio(draft: Draft, path: Path) -> None:
     """Write the format that meshio keeps for the ending of `path`."""
-    suffix = path.suffix.lower()
-    formats = [f for f in extensions().get(suffix, []) if f in meshio()._helpers._writer_map]
-    chosen = "gmsh" if "gmsh" in formats else formats[0] if formats else None
-    other = meshio_from_draft(draft, _OWN_TAG.get(chosen or "", "cell_tags"))
+    name = path.name.lower()
+    formats = next(formats for ending, formats in extensions(write=True).items() if name.endswith(ending))
+    # version 2.2 holds edges and triangles with their tags as they are; 4.1 wants a geometry that we do not have
+    chosen = "gmsh22" if "gmsh" in formats else formats[0]
+    if chosen in _TRIANGLES_ONLY:
+        draft = replace(draft, facets=None)
+    other = meshio_from_draft(draft, _OWN_TAG.get(chosen, "cell_tags"))
     missing = 3 - other.points.shape[1]
     if missing > 0 and not (chosen in _FLAT_FORMATS and missing == 1):
         other.points = np.pad(other.points, ((0, 0), (0, missing)))

@@ -46,7 +46,7 @@ def _family(path: Path, *, write: bool) -> Family:
         if name.endswith(family.endings) or name == "fort.14":
             if name != "fort.14" or ".14" in family.endings:
                 return family
-    endings = bridge.extensions()
+    endings = bridge.extensions(write=write)
     if not endings:
         bridge.meshio()  # says how to install it
     if any(name.endswith(ending) for ending in endings):
@@ -68,7 +68,8 @@ def readable() -> list[str]:
 
 def writable() -> list[str]:
     """Return endings of the files :func:`write` makes, sorted."""
-    return readable()
+    own = {ending for family in FAMILIES for ending in family.endings}
+    return sorted(own | set(bridge.extensions(write=True)))
 
 
 def read_draft(path: str | os.PathLike[str]) -> Draft:

@@ -1,9 +1,10 @@
 """TELEMAC's Selafin (Serafin) ``.slf``: Fortran records, big-endian, in single or double precision.
 
 Records, each between two int32 of its length in bytes: title (80 characters, the last eight ``SERAFIN`` or
-``SERAFIND``); number of variables (2 int32); a name and unit of 32 characters for each; 10 int32, of which the third and fourth are the origin
-of the coordinates, the last says whether a date (6 int32) follows; cells, nodes, nodes a cell, 1; the cells, 1-based;
-the numbers of boundary nodes; x; y; then for every time step the time and every variable. The last time step is read.
+``SERAFIND``); number of variables (2 int32); a name and unit of 32 characters for each; 10 int32, of which the third
+and fourth are the origin of the coordinates, the last says whether a date (6 int32) follows; cells, nodes, nodes a
+cell, 1; the cells, 1-based; the numbers of boundary nodes; x; y; then for every time step the time and every
+variable. The last time step is read.
 """
 
 from __future__ import annotations

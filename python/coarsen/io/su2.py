@@ -7,6 +7,7 @@ each gets a cell tag 1, 2, ….
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ def read_su2(path: Path) -> Draft:
                 cells.setdefault(kind, []).append([int(node) + start for node in row[1 : 1 + corners]])
                 zones.setdefault(kind, []).append(zone)
         elif key == "MARKER_TAG":
-            tag = names.setdefault(value, len(names))
+            tag = names.setdefault(value, _tag_of(value, names))
         elif key == "MARKER_ELEMS":
             rows, at = _rows(lines, at, int(value), key, path)
             for row in rows:
@@ -88,6 +89,13 @@ def read_su2(path: Path) -> Draft:
             np.array(tags, dtype=np.int64),
         )
     return draft
+
+
+def _tag_of(name: str, names: dict[str, int]) -> int:
+    """Return the number of ``marker_7``, our own name for a tag without one, or the next free one."""
+    if (own := re.fullmatch(r"marker_(-?\d+)", name)) and int(own[1]) not in names.values():
+        return int(own[1])
+    return next(tag for tag in range(len(names) + 1) if tag not in names.values())
 
 
 def _rows(lines: list[str], at: int, count: int, key: str, path: Path) -> tuple[list[list[str]], int]:

@@ -83,7 +83,7 @@ def _facets(draft: Draft, table: np.ndarray[Any, Any], first: int) -> None:
 
 
 def write_triangle(draft: Draft, path: Path) -> None:
-    """Write ``.node`` and ``.ele``, and ``.poly`` where there are facets, counted from 0."""
+    """Write ``.node`` and ``.ele``, and ``.poly`` with the facets, counted from 0."""
     stem = path.with_suffix("")
     (_, cells, tags) = draft.blocks[0]
     if cells.shape[1] != 3:
@@ -98,10 +98,10 @@ def write_triangle(draft: Draft, path: Path) -> None:
         out.write(f"{len(cells)} 3 {int(tags is not None)}\n")
         for k, row in enumerate(cells.tolist()):
             out.write(f"{k} {' '.join(map(str, row))}{'' if tags is None else f' {tags[k]}'}\n")
-    if draft.facets is not None and len(draft.facets):
-        marks = draft.facet_tags
-        with Path(f"{stem}.poly").open("w", encoding="utf-8") as out:
-            out.write(f"0 2 0 0\n{len(draft.facets)} {int(marks is not None)}\n")
-            for k, (a, b) in enumerate(draft.facets.tolist()):
-                out.write(f"{k} {a} {b}{'' if marks is None else f' {marks[k]}'}\n")
-            out.write("0\n")
+    facets = [] if draft.facets is None else draft.facets.tolist()
+    marks = draft.facet_tags if facets else None
+    with Path(f"{stem}.poly").open("w", encoding="utf-8") as out:
+        out.write(f"0 2 0 0\n{len(facets)} {int(marks is not None)}\n")
+        for k, (a, b) in enumerate(facets):
+            out.write(f"{k} {a} {b}{'' if marks is None else f' {marks[k]}'}\n")
+        out.write("0\n")
