@@ -62,10 +62,8 @@ pub struct Options {
     pub nested: bool,
     /// Spacing of the levels.
     pub method: Method,
-    /// Figure 2's beta and delta.
+    /// The parameters of one level.
     pub rules: Rules,
-    /// Lipschitz constant L of the coarsened spacing.
-    pub gradation: f64,
     /// Whether the spacing is held under the gaps of the domain.
     pub keep: bool,
     /// Whether coarse levels draw from pools.
@@ -170,14 +168,13 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
     });
     let spacing = match options.method {
         Method::Function | Method::Mis => {
-            Spacing::Function(CoarseSpacing::new(&tree, &g, cap.as_deref(), options.gradation))
+            Spacing::Function(CoarseSpacing::new(&tree, &g, cap.as_deref(), options.rules.gradation))
         }
         Method::Threshold => {
             let free = vec![f64::INFINITY; g.len()];
             let held = match &cap {
-                Some(_) => {
-                    CoarseSpacing::new(&tree, &free, cap.as_deref(), options.gradation).at_points(1.0, progress)?
-                }
+                Some(_) => CoarseSpacing::new(&tree, &free, cap.as_deref(), options.rules.gradation)
+                    .at_points(1.0, progress)?,
                 None => free,
             };
             Spacing::Threshold { g, held }
@@ -332,11 +329,11 @@ impl Builder<'_> {
             }
             self.at_hand = p;
         }
-        let f = self.spacing_in(i, pool)?;
+        let mut f = self.spacing_in(i, pool)?;
         self.progress.check()?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
         let choice =
-            select(&self.domain, &pool.candidates, &f, seeds, candidate_of, self.options.rules, self.progress)?;
+            select(&self.domain, &pool.candidates, &mut f, seeds, candidate_of, self.options.rules, self.progress)?;
         Ok((choice, f, p))
     }
 

@@ -12,9 +12,9 @@
 use crate::domain::{Chord, Domain, segment_distance_2};
 use crate::error::Error;
 use crate::kdtree::{Bounds, KdTree};
-use crate::point::{NONE, Point};
+use crate::point::{NONE, Point, distance};
 use crate::progress::Progress;
-use crate::selection::greedy;
+use crate::selection::{conflict_graph, greedy};
 use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -36,6 +36,10 @@ pub struct Rules {
     pub beta: f64,
     /// Interior nodes stay delta * f away from facets.
     pub delta: f64,
+    /// Lipschitz constant of f.
+    pub gradation: f64,
+    /// Whether f is held down where kept facet vertices are crowded.
+    pub hold: bool,
 }
 
 /// What a level keeps.
@@ -47,6 +51,8 @@ pub struct Choice {
     pub interior: Vec<u32>,
     /// Chords of the kept facet vertices.
     pub chords: Vec<Chord>,
+    /// What held f down at facet vertices, on this level and the coarser ones.
+    pub held: Vec<(u32, f64)>,
 }
 
 impl Choice {
@@ -67,42 +73,104 @@ pub fn rank(order: &mut [u32], f: &[f64], nodes: &[u32]) {
 
 /// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms).
 /// `f` is by candidate, `candidate_of` gives the candidate of a node.
+///
+/// Where kept facet vertices conflict (corners, vertices put back, seeds), and `rules.hold` asks for it, f is held under
+/// beta/2 of their distance there, rising with the gradation as everywhere: cells next to a short chord are small too.
 pub fn select(
     domain: &Domain,
     candidates: &Candidates<'_>,
-    f: &[f64],
+    f: &mut [f64],
     seeds: &Choice,
     candidate_of: impl Fn(u32) -> u32,
     rules: Rules,
     progress: &Progress,
 ) -> Result<Choice, Error> {
     let facets = domain.len();
-    let first = |v: usize| domain.corner[v] || seeds.kept.get(v).copied().unwrap_or(false);
-    let mut keep: Vec<u32> = (0..facets).filter(|&v| first(v)).map(|v| v as u32).collect();
-    keep.extend(seeds.interior.iter().map(|&node| candidate_of(node)));
-    let mut order: Vec<u32> = (0..facets).filter(|&v| !first(v)).map(|v| v as u32).collect();
-    rank(&mut order, f, &candidates.nodes);
-    let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
-    let mut kept = vec![false; facets];
-    for &v in keep.iter().chain(&chosen).filter(|&&v| (v as usize) < facets) {
-        kept[v as usize] = true;
+    let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
+    let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
+    let mut kept: Vec<bool> =
+        (0..facets).map(|v| domain.corner[v] || seeds.kept.get(v).copied().unwrap_or(false)).collect();
+    let mut held = seeds.held.clone();
+    if rules.hold {
+        lower(candidates, f, &held, rules.gradation);
     }
-    let obstacles: Vec<Point<2>> =
-        seeds.interior.iter().map(|&node| candidates.points[candidate_of(node) as usize]).collect();
-    let chords = domain.repair(&mut kept, &obstacles);
+    let mut round = 0;
+    let chords = loop {
+        let (mut keep, mut order): (Vec<u32>, Vec<u32>) = (0..facets as u32).partition(|&v| kept[v as usize]);
+        keep.extend(&seeded);
+        rank(&mut order, f, &candidates.nodes);
+        for v in greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)? {
+            kept[v as usize] = true;
+        }
+        let chords = domain.repair(&mut kept, &obstacles);
+        round += 1;
+        if !rules.hold || round == MOST_ROUNDS {
+            break chords;
+        }
+        let crowded = crowded(domain, &kept, f, rules.beta, progress)?;
+        if crowded.is_empty() {
+            break chords;
+        }
+        lower(candidates, f, &crowded, rules.gradation);
+        held.extend(crowded);
+    };
 
-    let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
-    keep.extend(seeds.interior.iter().map(|&node| candidate_of(node)));
     let excluded = near_facets(domain, candidates, f, &chords, rules.delta);
-    let mut seeded = vec![false; candidates.nodes.len() - facets];
-    seeds.interior.iter().for_each(|&node| seeded[candidate_of(node) as usize - facets] = true);
-    let mut order: Vec<u32> =
-        (0..seeded.len()).filter(|&k| !excluded[k] && !seeded[k]).map(|k| (k + facets) as u32).collect();
+    let mut is_seed = vec![false; candidates.nodes.len() - facets];
+    seeded.iter().for_each(|&k| is_seed[k as usize - facets] = true);
+    let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
+    keep.extend(&seeded);
+    let free = |k: &usize| !excluded[*k] && !is_seed[*k];
+    let mut order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
     rank(&mut order, f, &candidates.nodes);
     let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
     let mut interior = seeds.interior.clone();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
-    Ok(Choice { kept, interior, chords })
+    Ok(Choice { kept, interior, chords, held })
+}
+
+/// Rounds of selecting facet vertices, each after f was held down where the last left them crowded.
+const MOST_ROUNDS: usize = 4;
+
+/// Kept facet vertices that conflict with another, and beta/2 of the distance to the nearest such.
+fn crowded(
+    domain: &Domain,
+    kept: &[bool],
+    f: &[f64],
+    beta: f64,
+    progress: &Progress,
+) -> Result<Vec<(u32, f64)>, Error> {
+    let vertices: Vec<u32> = (0..kept.len() as u32).filter(|&v| kept[v as usize]).collect();
+    let points: Vec<Point<2>> = vertices.iter().map(|&v| domain.points[v as usize]).collect();
+    let spacing: Vec<f64> = vertices.iter().map(|&v| f[v as usize]).collect();
+    let mut least = vec![f64::INFINITY; vertices.len()];
+    for [i, j] in conflict_graph(&KdTree::new(&points), &spacing, beta, progress)? {
+        let room = beta / 2.0 * distance(&points[i as usize], &points[j as usize]);
+        for k in [i, j] {
+            least[k as usize] = least[k as usize].min(room);
+        }
+    }
+    Ok(vertices.into_iter().zip(least).filter(|&(v, room)| room < f[v as usize]).collect())
+}
+
+/// f becomes min(f, room + L |v - x|) over the facet vertices v with their room.
+fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], gradation: f64) {
+    if rooms.is_empty() {
+        return;
+    }
+    let tree: &KdTree<2> = &candidates.tree;
+    let in_leaves: Vec<f64> = tree.order().iter().map(|&k| f[k as usize]).collect();
+    let most = tree.node_max(&in_leaves);
+    for &(v, room) in rooms {
+        let p = candidates.points[v as usize];
+        let reached = |node: usize| room + gradation * tree.bounds(node).distance_2(&p).sqrt() < most[node];
+        each_in(tree, reached, |k| {
+            let value = room + gradation * distance(&p, &candidates.points[k]);
+            if value < f[k] {
+                f[k] = value;
+            }
+        });
+    }
 }
 
 /// Interior candidates that are nearer to a chord than delta * f, or in the region that a chord cuts off or adds.

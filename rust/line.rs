@@ -92,7 +92,8 @@ impl Line<'_> {
         let factor = self.options.factor.powi(i as i32);
         match self.options.method {
             Method::Threshold => Ok(threshold(&self.g, factor)),
-            _ => CoarseSpacing::new(&self.tree, &self.g, None, self.options.gradation).at_points(factor, self.progress),
+            _ => CoarseSpacing::new(&self.tree, &self.g, None, self.options.rules.gradation)
+                .at_points(factor, self.progress),
         }
     }
 

@@ -55,7 +55,7 @@ pub fn hierarchy(
         let obstacles: Vec<Point<2>> = interior.iter().map(|&node| points[node as usize]).collect();
         let chords = domain.repair(&mut kept, &obstacles);
         progress.enter(3, 1)?;
-        let mesh = triangulate(domain, points, &mut Choice { kept, interior, chords })?;
+        let mesh = triangulate(domain, points, &mut Choice { kept, interior, chords, held: Vec::new() })?;
         if options.levels.is_none() && mesh.cells.len() as f64 > STALL * cells.len() as f64 {
             return Ok((levels, Stopped::Stalled));
         }

@@ -10,6 +10,7 @@
 //! Runtime: O(s log s) for s facet vertices.
 
 use super::{Chain, Domain};
+use crate::kdtree::KdTree;
 use crate::point::{Point, distance};
 
 /// How much shorter than along the facets the way through space must be.
@@ -110,7 +111,14 @@ impl Domain {
         let mut chains: Vec<(u32, Point<2>)> = (0u32..).zip(self.chains.iter().map(first)).collect();
         tree.grow_chains(&mut chains, 0);
         let mut stack = Vec::new();
-        (0..self.len() as u32).map(|v| tree.gap(v, &mut stack)).collect()
+        let mut gaps: Vec<f64> = (0..self.len() as u32).map(|v| tree.gap(v, &mut stack)).collect();
+        let corners: Vec<usize> = (0..self.len()).filter(|&v| self.corner[v]).collect();
+        let corner_points: Vec<Point<2>> = corners.iter().map(|&v| self.points[v]).collect();
+        let corner_tree = KdTree::new(&corner_points);
+        for (&v, p) in corners.iter().zip(&corner_points) {
+            gaps[v] = gaps[v].min(corner_tree.nearest(p, Some(p)).0.sqrt());
+        }
+        gaps
     }
 }
 
