@@ -140,6 +140,26 @@ pub fn greedy<const D: usize>(
     Ok(selected)
 }
 
+/// Greedy maximal independent set of all points by (rank, index) after `keep`, ascending, `keep` included.
+pub fn independent_set<const D: usize>(
+    tree: &KdTree<D>,
+    f: &[f64],
+    beta: f64,
+    rank: Option<&[i64]>,
+    keep: &[u32],
+    progress: &Progress,
+) -> Result<Vec<u32>, Error> {
+    let mut order: Vec<u32> = (0..tree.len() as u32).collect();
+    if let Some(rank) = rank {
+        order.sort_by_key(|&i| rank[i as usize]);
+    }
+    let mut set = greedy(tree, f, beta, &order, keep, progress)?;
+    set.extend(keep);
+    set.sort_unstable();
+    set.dedup();
+    Ok(set)
+}
+
 /// Greedy maximal independent set by index on the edges of a mesh with `n` nodes: the baseline of Table 2.
 pub fn skeleton_independent_set<const K: usize>(n: usize, cells: &[[u32; K]]) -> Vec<u32> {
     let mut start = vec![0usize; n + 1];

@@ -1,5 +1,6 @@
 //! The border to Python: check, detach, one core call, wrap. Nothing in the core imports it.
 
+mod arrays;
 mod level;
 mod mesh;
 mod run;

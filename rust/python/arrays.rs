@@ -1,0 +1,107 @@
+//! NumPy arrays as slices of the core, without a copy, and indices back.
+//!
+//! Dtype, order and finiteness are seen to in Python (where they are converted or refused with words); what is checked
+//! here is what the core relies on, so that no call from anywhere can make it panic.
+
+use crate::error::Error;
+use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+/// Runs `$body` with the constant `$d` set to the dimension of `$points`, an (n, d) array with d from 1 to 3.
+macro_rules! by_dimension {
+    ($points:expr, $d:ident => $body:expr) => {
+        match numpy::PyUntypedArrayMethods::shape(&*$points)[1] {
+            1 => {
+                const $d: usize = 1;
+                $body
+            }
+            2 => {
+                const $d: usize = 2;
+                $body
+            }
+            3 => {
+                const $d: usize = 3;
+                $body
+            }
+            d => Err(crate::error::Error::Argument(format!("'points' has dimension {d}, expected 1, 2 or 3")).into()),
+        }
+    };
+}
+pub(super) use by_dimension;
+
+fn is_plain(array: &Bound<'_, PyUntypedArray>, name: &str) -> Result<(), Error> {
+    if array.is_c_contiguous() { Ok(()) } else { Err(Error::Argument(format!("'{name}' is not C-contiguous"))) }
+}
+
+/// The rows of an (n, K) array; fewer than 2³² − 1 of them, since the core's indices are `u32`.
+pub fn rows<'a, T: Element, const K: usize>(
+    name: &str,
+    array: &'a PyReadonlyArray2<'_, T>,
+) -> Result<&'a [[T; K]], Error> {
+    is_plain(array.as_untyped(), name)?;
+    let (n, columns) = (array.shape()[0], array.shape()[1]);
+    if columns != K {
+        return Err(Error::Argument(format!("'{name}' has shape ({n}, {columns}), expected (n, {K})")));
+    }
+    if n >= u32::MAX as usize {
+        return Err(Error::Argument(format!("'{name}' has {n} rows, expected fewer than 2**32 - 1")));
+    }
+    let flat = array.as_slice().map_err(|error| Error::Argument(format!("'{name}': {error}")))?;
+    Ok(flat.as_chunks::<K>().0)
+}
+
+/// An (n,) array.
+pub fn values<'a, T: Element>(name: &str, array: &'a PyReadonlyArray1<'_, T>, n: usize) -> Result<&'a [T], Error> {
+    is_plain(array.as_untyped(), name)?;
+    if array.len() != n {
+        return Err(Error::Argument(format!("'{name}' has shape ({},), expected ({n},)", array.len())));
+    }
+    array.as_slice().map_err(|error| Error::Argument(format!("'{name}': {error}")))
+}
+
+/// Indices under `n`.
+pub fn indices(name: &str, array: &PyReadonlyArray1<'_, i64>, n: usize) -> Result<Vec<u32>, Error> {
+    let narrow = |(k, &i): (usize, &i64)| match u32::try_from(i) {
+        Ok(index) if (index as usize) < n => Ok(index),
+        _ => Err(Error::Argument(format!("'{name}[{k}]' is {i}, expected an index from 0 to {}", n as i64 - 1))),
+    };
+    array.as_array().iter().enumerate().map(narrow).collect()
+}
+
+/// The cells of a mesh of `n` nodes, from int32 or int64.
+pub fn cells<const K: usize>(array: &Bound<'_, PyUntypedArray>, n: usize) -> PyResult<Vec<[u32; K]>> {
+    if let Ok(array) = array.cast::<PyArray2<i32>>() {
+        return narrowed(&array.readonly(), n);
+    }
+    match array.cast::<PyArray2<i64>>() {
+        Ok(array) => narrowed(&array.readonly(), n),
+        Err(_) => Err(Error::Argument("'cells' is not an (m, d + 1) array of int32 or int64".into()).into()),
+    }
+}
+
+fn narrowed<T: Element + Copy + Into<i64>, const K: usize>(
+    array: &PyReadonlyArray2<'_, T>,
+    n: usize,
+) -> PyResult<Vec<[u32; K]>> {
+    let mut cells = Vec::with_capacity(array.shape()[0]);
+    for (c, cell) in rows::<T, K>("cells", array)?.iter().enumerate() {
+        let cell = cell.map(Into::into);
+        if let Some(&bad) = cell.iter().find(|&&i| i < 0 || i >= n as i64) {
+            let text = format!("'cells[{c}]' names node {bad}, expected an index from 0 to {}", n as i64 - 1);
+            return Err(Error::Argument(text).into());
+        }
+        cells.push(cell.map(|i| i as u32));
+    }
+    Ok(cells)
+}
+
+/// The core's indices as an int64 array.
+pub fn index_array<'py>(py: Python<'py>, indices: &[u32]) -> Bound<'py, PyArray1<i64>> {
+    indices.iter().map(|&i| i64::from(i)).collect::<Vec<_>>().into_pyarray(py)
+}
+
+/// Rows of the core's indices as an (n, K) int64 array.
+pub fn index_rows<'py, const K: usize>(py: Python<'py>, rows: &[[u32; K]]) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    index_array(py, rows.as_flattened()).reshape([rows.len(), K])
+}
