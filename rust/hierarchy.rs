@@ -11,8 +11,9 @@
 
 use crate::domain::{Domain, FacetRow};
 use crate::error::Error;
+use crate::guard::{Guard, Scene, better};
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, LevelMesh, Rules, select, triangulate};
+use crate::level::{Candidates, Choice, LevelMesh, Rules, assemble, lower, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::greedy;
@@ -66,6 +67,8 @@ pub struct Options {
     pub rules: Rules,
     /// Whether the spacing is held under the gaps of the domain.
     pub keep: bool,
+    /// Bound of the quality guard in radians.
+    pub min_angle: Option<f64>,
     /// Whether coarse levels draw from pools.
     pub pool: bool,
     /// Cosine of the feature angle.
@@ -112,6 +115,15 @@ struct Pool<'a> {
     members: Vec<u32>,
     /// Candidates looked at to make it.
     visits: usize,
+}
+
+struct Chosen {
+    choice: Choice,
+    /// f by candidate.
+    f: Vec<f64>,
+    /// Interior candidates that are left out.
+    excluded: Vec<bool>,
+    pool: usize,
 }
 
 enum Spacing<'a> {
@@ -319,7 +331,7 @@ impl Builder<'_> {
     }
 
     /// Selects the nodes of level i.
-    fn choose(&mut self, i: usize, seeds: &Choice) -> Result<(Choice, Vec<f64>, usize), Error> {
+    fn choose(&mut self, i: usize, seeds: &Choice) -> Result<Chosen, Error> {
         self.progress.enter(2, 1)?;
         let p = self.pool_for(i)?;
         let pool = &self.pools[p];
@@ -332,19 +344,40 @@ impl Builder<'_> {
         let mut f = self.spacing_in(i, pool)?;
         self.progress.check()?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
-        let choice =
+        let (choice, excluded) =
             select(&self.domain, &pool.candidates, &mut f, seeds, candidate_of, self.options.rules, self.progress)?;
-        Ok((choice, f, p))
+        Ok(Chosen { choice, f, excluded, pool: p })
     }
 
     /// Makes level i.
     fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
-        let (mut choice, f, p) = self.choose(i, seeds)?;
+        let Chosen { mut choice, mut f, excluded, pool: p } = self.choose(i, seeds)?;
         self.progress.enter(3, 1)?;
-        let mesh = triangulate(&self.domain, self.input.points, &mut choice)?;
+        let mut level = triangulate(&self.domain, self.input.points, &mut choice)?;
         let pool = &self.pools[p];
+        let facets = self.domain.len() as u32;
+        let candidate = |site: u32| match site.checked_sub(facets) {
+            Some(node) => self.candidate_of[node as usize],
+            None => site,
+        };
+        if let Some(min_angle) = self.options.min_angle {
+            self.progress.enter(4, 1)?;
+            let seeds: Vec<u32> = seeds.interior.iter().map(|&node| self.candidate_of[node as usize]).collect();
+            let scene =
+                Scene { domain: &self.domain, candidates: &pool.candidates, f: &f, excluded: &excluded, seeds: &seeds };
+            let rules = self.options.rules;
+            let slope = if self.options.method == Method::Threshold { 1.0 } else { rules.gradation };
+            let room = (1.0 / self.options.factor).max(0.5);
+            let guard = Guard { min_angle, beta: rules.beta, slope, room };
+            let (better, crowded) = better(&scene, guard, level, candidate);
+            level = better;
+            choice.interior = level.sites.iter().filter_map(|&site| site.checked_sub(facets)).collect();
+            lower(&pool.candidates, &mut f, &crowded, self.options.rules.gradation);
+            choice.held.extend(crowded.iter().map(|&(k, room)| (pool.candidates.nodes[k as usize], room)));
+        }
+        let mesh = assemble(&self.domain, &choice, &level)?;
         let mut copies = std::collections::HashMap::new();
-        for v in (0..self.domain.len() as u32).filter(|&v| choice.kept[v as usize]) {
+        for v in (0..facets).filter(|&v| choice.kept[v as usize]) {
             copies.extend(self.domain.copies(v).iter().map(|&node| (node, v)));
         }
         let candidate = |node: &u32| copies.get(node).copied().unwrap_or_else(|| self.candidate_of[*node as usize]);
@@ -372,8 +405,10 @@ impl Builder<'_> {
         let mut size = |builder: &mut Self, i: usize| -> Result<usize, Error> {
             sizes.resize(sizes.len().max(i + 1), usize::MAX);
             if sizes[i] == usize::MAX {
-                let (choice, ..) = builder.choose(i, &Choice::default())?;
-                sizes[i] = builder.n_cells(&choice);
+                sizes[i] = {
+                    let chosen = builder.choose(i, &Choice::default())?;
+                    builder.n_cells(&chosen.choice)
+                };
             }
             Ok(sizes[i])
         };

@@ -51,7 +51,7 @@ pub struct Choice {
     pub interior: Vec<u32>,
     /// Chords of the kept facet vertices.
     pub chords: Vec<Chord>,
-    /// What held f down at facet vertices, on this level and the coarser ones.
+    /// Nodes that hold f down, and what they hold it under, on this level and the coarser ones.
     pub held: Vec<(u32, f64)>,
 }
 
@@ -72,7 +72,7 @@ pub fn rank(order: &mut [u32], f: &[f64], nodes: &[u32]) {
 }
 
 /// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms).
-/// `f` is by candidate, `candidate_of` gives the candidate of a node.
+/// `f` is by candidate, `candidate_of` gives the candidate of a node. Also returns which interior candidates (4) left out.
 ///
 /// Where kept facet vertices conflict (corners, vertices put back, seeds), and `rules.hold` asks for it, f is held under
 /// beta/2 of their distance there, rising with the gradation as everywhere: cells next to a short chord are small too.
@@ -84,7 +84,7 @@ pub fn select(
     candidate_of: impl Fn(u32) -> u32,
     rules: Rules,
     progress: &Progress,
-) -> Result<Choice, Error> {
+) -> Result<(Choice, Vec<bool>), Error> {
     let facets = domain.len();
     let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
     let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
@@ -92,6 +92,7 @@ pub fn select(
         (0..facets).map(|v| domain.corner[v] || seeds.kept.get(v).copied().unwrap_or(false)).collect();
     let mut held = seeds.held.clone();
     if rules.hold {
+        let held: Vec<(u32, f64)> = held.iter().map(|&(node, room)| (candidate_of(node), room)).collect();
         lower(candidates, f, &held, rules.gradation);
     }
     let mut round = 0;
@@ -112,7 +113,7 @@ pub fn select(
             break chords;
         }
         lower(candidates, f, &crowded, rules.gradation);
-        held.extend(crowded);
+        held.extend(crowded.iter().map(|&(v, room)| (candidates.nodes[v as usize], room)));
     };
 
     let excluded = near_facets(domain, candidates, f, &chords, rules.delta);
@@ -126,7 +127,7 @@ pub fn select(
     let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
     let mut interior = seeds.interior.clone();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
-    Ok(Choice { kept, interior, chords, held })
+    Ok((Choice { kept, interior, chords, held }, excluded))
 }
 
 /// Rounds of selecting facet vertices, each after f was held down where the last left them crowded.
@@ -153,8 +154,8 @@ fn crowded(
     Ok(vertices.into_iter().zip(least).filter(|&(v, room)| room < f[v as usize]).collect())
 }
 
-/// f becomes min(f, room + L |v - x|) over the facet vertices v with their room.
-fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], gradation: f64) {
+/// f becomes min(f, room + L |v - x|) over candidates v with their room.
+pub fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], gradation: f64) {
     if rooms.is_empty() {
         return;
     }
@@ -239,10 +240,19 @@ pub struct LevelMesh {
     pub n_boundary: usize,
 }
 
+/// A triangulated choice. Site `s` is facet vertex `s`, or interior node `s - domain.len()`.
+pub struct Triangulated {
+    /// Sites.
+    pub sites: Vec<u32>,
+    /// Their coordinates.
+    pub points: Vec<Point<2>>,
+    /// Cells inside the domain, as indices into `sites`.
+    pub cells: Cells,
+}
+
 /// Triangulates a choice; facet vertices are put back where a chord can't be an edge.
-pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) -> Result<LevelMesh, Error> {
+pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) -> Result<Triangulated, Error> {
     loop {
-        // sites in a spatial order: facet vertices (as they are) and interior nodes (offset by their number)
         let facets = domain.len() as u32;
         let mut sites: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
         sites.extend(choice.interior.iter().map(|&node| facets + node));
@@ -263,7 +273,7 @@ pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) ->
             })
             .collect();
         match inside(&site_points, &constraints)? {
-            Inside::Cells(cells) => return assemble(domain, choice, &sites, &cells),
+            Inside::Cells(cells) => return Ok(Triangulated { sites, points: site_points, cells }),
             Inside::Failed(failed) => {
                 for c in failed {
                     let chord = &choice.chords[c as usize];
@@ -280,7 +290,8 @@ pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) ->
 }
 
 /// Turns sites into node copies, carries tags to cells, lists the facets.
-fn assemble(domain: &Domain, choice: &Choice, sites: &[u32], cells: &Cells) -> Result<LevelMesh, Error> {
+pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Result<LevelMesh, Error> {
+    let (sites, cells) = (&level.sites, &level.cells);
     let facets = domain.len() as u32;
     let mut nodes: Vec<u32> = choice.interior.clone();
     nodes.extend(sites.iter().filter(|&&s| s < facets).flat_map(|&s| domain.copies(s)));

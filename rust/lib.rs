@@ -20,6 +20,7 @@ pub mod selection;
 
 pub mod level;
 
+pub mod guard;
 pub mod hierarchy;
 pub mod line;
 pub mod skeleton;

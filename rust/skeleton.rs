@@ -6,7 +6,7 @@
 use crate::domain::Domain;
 use crate::error::Error;
 use crate::hierarchy::{Level, Options, STALL, Stopped};
-use crate::level::{Choice, triangulate};
+use crate::level::{Choice, assemble, triangulate};
 use crate::point::Point;
 use crate::progress::Progress;
 
@@ -55,7 +55,9 @@ pub fn hierarchy(
         let obstacles: Vec<Point<2>> = interior.iter().map(|&node| points[node as usize]).collect();
         let chords = domain.repair(&mut kept, &obstacles);
         progress.enter(3, 1)?;
-        let mesh = triangulate(domain, points, &mut Choice { kept, interior, chords, held: Vec::new() })?;
+        let mut choice = Choice { kept, interior, chords, held: Vec::new() };
+        let level = triangulate(domain, points, &mut choice)?;
+        let mesh = assemble(domain, &choice, &level)?;
         if options.levels.is_none() && mesh.cells.len() as f64 > STALL * cells.len() as f64 {
             return Ok((levels, Stopped::Stalled));
         }

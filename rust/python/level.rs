@@ -63,6 +63,7 @@ struct PyOptions {
     beta: f64,
     delta: f64,
     gradation: f64,
+    min_angle: Option<f64>,
     features: String,
     candidates: String,
     feature_angle: f64,
@@ -87,6 +88,7 @@ impl PyOptions {
                 hold: self.features != "plain",
             },
             keep: self.features != "plain",
+            min_angle: self.min_angle.map(f64::to_radians).filter(|&angle| angle > 0.0),
             pool: self.candidates == "pool",
             cos_feature: self.feature_angle.to_radians().cos(),
         }
