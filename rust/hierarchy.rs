@@ -13,7 +13,7 @@ use crate::domain::{Domain, FacetRow};
 use crate::error::Error;
 use crate::guard::{Guard, Scene, better};
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, LevelMesh, Rules, assemble, lower, select, triangulate};
+use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, assemble, lower, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::greedy;
@@ -121,8 +121,8 @@ struct Chosen {
     choice: Choice,
     /// f by candidate.
     f: Vec<f64>,
-    /// Interior candidates that are left out.
-    excluded: Vec<bool>,
+    /// Places of the interior candidates.
+    places: Vec<Place>,
     pool: usize,
 }
 
@@ -344,14 +344,14 @@ impl Builder<'_> {
         let mut f = self.spacing_in(i, pool)?;
         self.progress.check()?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
-        let (choice, excluded) =
+        let (choice, places) =
             select(&self.domain, &pool.candidates, &mut f, seeds, candidate_of, self.options.rules, self.progress)?;
-        Ok(Chosen { choice, f, excluded, pool: p })
+        Ok(Chosen { choice, f, places, pool: p })
     }
 
     /// Makes level i.
     fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
-        let Chosen { mut choice, mut f, excluded, pool: p } = self.choose(i, seeds)?;
+        let Chosen { mut choice, mut f, places, pool: p } = self.choose(i, seeds)?;
         self.progress.enter(3, 1)?;
         let mut level = triangulate(&self.domain, self.input.points, &mut choice)?;
         let pool = &self.pools[p];
@@ -364,7 +364,7 @@ impl Builder<'_> {
             self.progress.enter(4, 1)?;
             let seeds: Vec<u32> = seeds.interior.iter().map(|&node| self.candidate_of[node as usize]).collect();
             let scene =
-                Scene { domain: &self.domain, candidates: &pool.candidates, f: &f, excluded: &excluded, seeds: &seeds };
+                Scene { domain: &self.domain, candidates: &pool.candidates, f: &f, places: &places, seeds: &seeds };
             let rules = self.options.rules;
             let slope = if self.options.method == Method::Threshold { 1.0 } else { rules.gradation };
             let room = (1.0 / self.options.factor).max(0.5);

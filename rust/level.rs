@@ -72,7 +72,8 @@ pub fn rank(order: &mut [u32], f: &[f64], nodes: &[u32]) {
 }
 
 /// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms).
-/// `f` is by candidate, `candidate_of` gives the candidate of a node. Also returns which interior candidates (4) left out.
+/// `f` is by candidate, `candidate_of` gives the candidate of a node. Also returns the places of the
+/// interior candidates.
 ///
 /// Where kept facet vertices conflict (corners, vertices put back, seeds), and `rules.hold` asks for it, f is held under
 /// beta/2 of their distance there, rising with the gradation as everywhere: cells next to a short chord are small too.
@@ -84,7 +85,7 @@ pub fn select(
     candidate_of: impl Fn(u32) -> u32,
     rules: Rules,
     progress: &Progress,
-) -> Result<(Choice, Vec<bool>), Error> {
+) -> Result<(Choice, Vec<Place>), Error> {
     let facets = domain.len();
     let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
     let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
@@ -103,7 +104,7 @@ pub fn select(
         for v in greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)? {
             kept[v as usize] = true;
         }
-        let chords = domain.repair(&mut kept, &obstacles);
+        let chords = domain.repair(&mut kept, &obstacles, rules.hold);
         round += 1;
         if !rules.hold || round == MOST_ROUNDS {
             break chords;
@@ -116,18 +117,18 @@ pub fn select(
         held.extend(crowded.iter().map(|&(v, room)| (candidates.nodes[v as usize], room)));
     };
 
-    let excluded = near_facets(domain, candidates, f, &chords, rules.delta);
+    let places = near_facets(domain, candidates, f, &chords, rules.delta);
     let mut is_seed = vec![false; candidates.nodes.len() - facets];
     seeded.iter().for_each(|&k| is_seed[k as usize - facets] = true);
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
     keep.extend(&seeded);
-    let free = |k: &usize| !excluded[*k] && !is_seed[*k];
+    let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
     let mut order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
     rank(&mut order, f, &candidates.nodes);
     let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
     let mut interior = seeds.interior.clone();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
-    Ok((Choice { kept, interior, chords, held }, excluded))
+    Ok((Choice { kept, interior, chords, held }, places))
 }
 
 /// Rounds of selecting facet vertices, each after f was held down where the last left them crowded.
@@ -174,10 +175,21 @@ pub fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], g
     }
 }
 
-/// Interior candidates that are nearer to a chord than delta * f, or in the region that a chord cuts off or adds.
-fn near_facets(domain: &Domain, candidates: &Candidates<'_>, f: &[f64], chords: &[Chord], delta: f64) -> Vec<bool> {
+/// Where an interior candidate lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// In the coarse domain, delta * f away from its facets.
+    Inside,
+    /// Nearer than that to a chord.
+    Near,
+    /// In the region that a chord cuts off or adds.
+    CutOff,
+}
+
+/// Places of the interior candidates.
+fn near_facets(domain: &Domain, candidates: &Candidates<'_>, f: &[f64], chords: &[Chord], delta: f64) -> Vec<Place> {
     let facets = domain.len();
-    let mut excluded = vec![false; candidates.nodes.len() - facets];
+    let mut places = vec![Place::Inside; candidates.nodes.len() - facets];
     let tree: &KdTree<2> = &candidates.tree;
     let in_leaves: Vec<f64> = tree.order().iter().map(|&k| f[k as usize]).collect();
     let most = tree.node_max(&in_leaves);
@@ -189,8 +201,9 @@ fn near_facets(domain: &Domain, candidates: &Candidates<'_>, f: &[f64], chords: 
             tree.bounds(node).gap_2(&segment) < reach * reach
         };
         each_in(tree, reached, |k| {
-            if k >= facets && segment_distance_2(&candidates.points[k], &a, &b) < (delta * f[k]) * (delta * f[k]) {
-                excluded[k - facets] = true;
+            let is_near = || segment_distance_2(&candidates.points[k], &a, &b) < (delta * f[k]) * (delta * f[k]);
+            if k >= facets && places[k - facets] == Place::Inside && is_near() {
+                places[k - facets] = Place::Near;
             }
         });
         if chord.deviation_2 > 0.0 {
@@ -199,14 +212,15 @@ fn near_facets(domain: &Domain, candidates: &Candidates<'_>, f: &[f64], chords: 
                 tree,
                 |node| tree.bounds(node).gap_2(&piece) == 0.0,
                 |k| {
-                    if k >= facets && !excluded[k - facets] && domain.holds(chord, &candidates.points[k]) {
-                        excluded[k - facets] = true;
+                    if k >= facets && places[k - facets] != Place::CutOff && domain.holds(chord, &candidates.points[k])
+                    {
+                        places[k - facets] = Place::CutOff;
                     }
                 },
             );
         }
     }
-    excluded
+    places
 }
 
 /// Calls `found` with every candidate in the tree nodes that are `wanted`.
@@ -283,7 +297,7 @@ pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) ->
                     choice.kept[chord.farthest as usize] = true;
                 }
                 let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&node| points[node as usize]).collect();
-                choice.chords = domain.repair(&mut choice.kept, &obstacles);
+                choice.chords = domain.repair(&mut choice.kept, &obstacles, false);
             }
         }
     }

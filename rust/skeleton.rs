@@ -53,7 +53,7 @@ pub fn hierarchy(
         interior.retain(|&node| chosen[node as usize]);
         let mut kept: Vec<bool> = (0..domain.len()).map(|v| chosen[domain.copies(v as u32)[0] as usize]).collect();
         let obstacles: Vec<Point<2>> = interior.iter().map(|&node| points[node as usize]).collect();
-        let chords = domain.repair(&mut kept, &obstacles);
+        let chords = domain.repair(&mut kept, &obstacles, false);
         progress.enter(3, 1)?;
         let mut choice = Choice { kept, interior, chords, held: Vec::new() };
         let level = triangulate(domain, points, &mut choice)?;

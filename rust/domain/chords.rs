@@ -10,6 +10,9 @@
 //!     a-------------b     chord
 //! ```
 //!
+//! Where levels shall be well shaped (`wide`), chords may not narrow the domain either: where two of them meet inside it
+//! under less than [`NARROW`] degrees, the farthest vertex of one is put back if that widens the angle.
+//!
 //! Repair goes in rounds: every offending chord gets back the vertex of its piece that is farthest from it. It ends, at
 //! the latest, with the input's own facets.
 
@@ -35,16 +38,22 @@ pub struct Chord {
     pub deviation_2: f64,
 }
 
+/// Tangent of the angle (20 degrees) under which two chords may meet inside the domain only where the chains do.
+const NARROW: f64 = 0.363_970_234_266_202_4;
+
 type Boxed = GeomWithData<Rectangle<Point<2>>, u32>;
 
 impl Domain {
     /// Adds to `kept` the vertices that make it a valid coarse domain, and returns its chords. `obstacles` are kept
     /// points that are no facet vertices.
-    pub fn repair(&self, kept: &mut [bool], obstacles: &[Point<2>]) -> Vec<Chord> {
+    pub fn repair(&self, kept: &mut [bool], obstacles: &[Point<2>], wide: bool) -> Vec<Chord> {
         self.keep_enough(kept);
         loop {
             let chords = self.chords(kept);
-            let bad = self.offending(&chords, kept, obstacles);
+            let mut bad = self.offending(&chords, kept, obstacles);
+            if bad.is_empty() && wide {
+                bad = self.narrow(&chords);
+            }
             if bad.is_empty() {
                 return chords;
             }
@@ -166,6 +175,69 @@ impl Domain {
         (0..chords.len() as u32).filter(|&i| bad[i as usize]).collect()
     }
 
+    /// Chords that meet another one inside the domain under a narrow angle, and whose farthest vertex would widen it.
+    fn narrow(&self, chords: &[Chord]) -> Vec<u32> {
+        // (vertex, chord, whether it ends there): chord ends around each vertex
+        let mut ends: Vec<(u32, u32, bool)> = Vec::with_capacity(2 * chords.len());
+        for (c, chord) in (0..).zip(chords) {
+            ends.extend([(chord.vertices[0], c, false), (chord.vertices[1], c, true)]);
+        }
+        ends.sort_unstable();
+        let mut bad = Vec::new();
+        for around in ends.chunk_by(|a, b| a.0 == b.0) {
+            for one in around {
+                for two in around.iter().filter(|two| *two != one) {
+                    bad.extend(self.narrower(chords, *one, *two, around));
+                }
+            }
+        }
+        bad.sort_unstable();
+        bad.dedup();
+        bad
+    }
+
+    /// The chord to split where `two` is next to `one` counter-clockwise, cells lie between them, and the angle is narrow.
+    fn narrower(
+        &self,
+        chords: &[Chord],
+        one: (u32, u32, bool),
+        two: (u32, u32, bool),
+        around: &[(u32, u32, bool)],
+    ) -> Option<u32> {
+        let p = self.points[one.0 as usize];
+        let to = |v: u32| [self.points[v as usize][0] - p[0], self.points[v as usize][1] - p[1]];
+        let other_end = |end: (u32, u32, bool)| chords[end.1 as usize].vertices[usize::from(!end.2)];
+        let (d, e) = (to(other_end(one)), to(other_end(two)));
+        let tangent = angle_tangent(d, e)?;
+        let chord = &chords[one.1 as usize];
+        let edge = self.chains[chord.chain as usize].edge(chord.from);
+        // seen from the vertex, the counter-clockwise side of a chord that ends here is its right
+        if tangent >= NARROW || !edge.sides[usize::from(one.2)].is_inside() {
+            return None;
+        }
+        let between = |end: &(u32, u32, bool)| {
+            let f = to(other_end(*end));
+            *end != one && *end != two && cross(d, f) > 0.0 && cross(f, e) > 0.0
+        };
+        if around.iter().any(between) {
+            return None;
+        }
+        let widened = |end: (u32, u32, bool), new: &dyn Fn(Point<2>) -> Option<f64>| {
+            let chord = &chords[end.1 as usize];
+            let splits = chord.to > chord.from + 1;
+            // beyond a right angle there is no tangent: wide enough
+            splits.then(|| new(to(chord.farthest)).unwrap_or(f64::INFINITY)).filter(|&wider| wider > tangent)
+        };
+        let first = widened(one, &|f| if cross(f, e) > 0.0 { angle_tangent(f, e) } else { Some(0.0) });
+        let second = widened(two, &|f| if cross(d, f) > 0.0 { angle_tangent(d, f) } else { Some(0.0) });
+        match (first, second) {
+            (Some(a), Some(b)) => Some(if a >= b { one.1 } else { two.1 }),
+            (Some(_), None) => Some(one.1),
+            (None, Some(_)) => Some(two.1),
+            (None, None) => None,
+        }
+    }
+
     /// Closed chains whose chords run the other way round: their most deviating chord is split.
     fn flipped(&self, chords: &[Chord], bad: &mut [bool]) {
         let mut at = 0;
@@ -245,4 +317,14 @@ fn crosses_ray(a: &Point<2>, b: &Point<2>, p: &Point<2>) -> bool {
     }
     let o = orient(a, b, p);
     if b[1] > a[1] { o > 0.0 } else { o < 0.0 }
+}
+
+fn cross(a: Point<2>, b: Point<2>) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+/// Tangent of the angle from `a` counter-clockwise to `b`, `None` where that is not under a right angle.
+fn angle_tangent(a: Point<2>, b: Point<2>) -> Option<f64> {
+    let (sine, cosine) = (cross(a, b), a[0] * b[0] + a[1] * b[1]);
+    (sine > 0.0 && cosine > 0.0).then(|| sine / cosine)
 }

@@ -5,6 +5,8 @@
 //! share, or is infinite. At a vertex of class P0 the nearest other such vertex bounds the gap too, however near it is
 //! along the chain: both stay on every level, and the edge between them with them.
 //!
+//! A closed chain bounds it by a quarter of its length: three vertices stay on it, whatever the spacing.
+//!
 //! The search descends trees over runs of consecutive chain vertices. A run at distance `d` can hold no such `q` where
 //! `d >= GAMMA * (longest way along the facets into the run)`, so a straight wall costs O(log s) a vertex, not O(s).
 //! Runtime: O(s log s) for s facet vertices.
@@ -15,6 +17,9 @@ use crate::point::{Point, distance};
 
 /// How much shorter than along the facets the way through space must be.
 pub const GAMMA: f64 = 0.65;
+
+/// A loop is held to spacings under this part of its length, so that it keeps a shape.
+pub const LOOP: f64 = 4.0;
 
 const LEAF: usize = 8;
 
@@ -117,6 +122,11 @@ impl Domain {
         let corner_tree = KdTree::new(&corner_points);
         for (&v, p) in corners.iter().zip(&corner_points) {
             gaps[v] = gaps[v].min(corner_tree.nearest(p, Some(p)).0.sqrt());
+        }
+        for chain in self.chains.iter().filter(|chain| chain.closed) {
+            for &v in &chain.vertices {
+                gaps[v as usize] = gaps[v as usize].min(chain.length() / LOOP);
+            }
         }
         gaps
     }

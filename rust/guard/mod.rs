@@ -4,9 +4,9 @@
 //! (interior, and not a node of a coarser level); exchange it for a candidate nearby; insert a candidate near the cell's
 //! off-centre (the point on the bisector of its shortest edge that sees it under a comfortable angle, or the circumcentre where
 //! that is nearer). The first change after which no new cell is under the bound is kept, else the best one that betters
-//! the worst cell it touches; so a level never gets worse, and the guard ends. A candidate is allowed where Figure 2 allows
-//! it (inside, delta * f from the facets) and where its distance to every neighbour leaves it independent on the next
-//! finer level. All triangulation is local, Delaunay throughout, ties broken by node.
+//! the worst cell it touches; so a level never gets worse, and the guard ends. A candidate is allowed inside the
+//! coarse domain, also nearer to its facets than delta * f (angles are measured here, not feared), where its distance to
+//! every neighbour leaves it independent on the next finer level. All triangulation is local, Delaunay throughout, ties broken by node.
 //!
 //! What it guarantees: nestedness, no worse angle, at most `BUDGET` more nodes. What it usually reaches is told in the
 //! documentation. Angles between two facets are left aside.
@@ -14,7 +14,7 @@
 mod patch;
 
 use crate::domain::Domain;
-use crate::level::{Candidates, Triangulated};
+use crate::level::{Candidates, Place, Triangulated};
 use crate::point::{NONE, Point, distance};
 use crate::triangulation::Cells;
 use patch::Patch;
@@ -52,8 +52,8 @@ pub struct Scene<'a> {
     pub candidates: &'a Candidates<'a>,
     /// f by candidate.
     pub f: &'a [f64],
-    /// Interior candidates (by number less the facet vertices) that Figure 2 leaves out.
-    pub excluded: &'a [bool],
+    /// Places of the interior candidates.
+    pub places: &'a [Place],
     /// Candidates that coarser levels hold.
     pub seeds: &'a [u32],
 }
@@ -256,7 +256,10 @@ impl Work<'_> {
         let mut found: Vec<(f64, u32, u32)> = Vec::new();
         tree.ball(place, reach, |position, d_2| {
             let k = tree.order()[position];
-            if k as usize >= facets && !self.taken[k as usize] && !self.scene.excluded[k as usize - facets] {
+            if k as usize >= facets
+                && !self.taken[k as usize]
+                && self.scene.places[k as usize - facets] != Place::CutOff
+            {
                 found.push((d_2, self.scene.candidates.nodes[k as usize], k));
             }
         });

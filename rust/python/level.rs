@@ -69,6 +69,9 @@ struct PyOptions {
     feature_angle: f64,
 }
 
+/// Degrees that the guard works for where nothing is said, but with `features="plain"`.
+const MIN_ANGLE: f64 = 25.0;
+
 impl PyOptions {
     fn core(&self) -> Options {
         Options {
@@ -88,7 +91,11 @@ impl PyOptions {
                 hold: self.features != "plain",
             },
             keep: self.features != "plain",
-            min_angle: self.min_angle.map(f64::to_radians).filter(|&angle| angle > 0.0),
+            min_angle: self
+                .min_angle
+                .or((self.features != "plain").then_some(MIN_ANGLE))
+                .map(f64::to_radians)
+                .filter(|&angle| angle > 0.0),
             pool: self.candidates == "pool",
             cos_feature: self.feature_angle.to_radians().cos(),
         }
