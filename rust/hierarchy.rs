@@ -1,10 +1,10 @@
 //! MULTI_LEVEL_COARSEN (Figure 3): level i is spaced by the C^i-coarsening of the input's spacing, coarsest level first,
 //! each finer level keeping the nodes of the coarser one, so that levels are node-nested (Lemma 3.6).
 //!
-//! Candidates. As printed, every level looks at every node. With `pool`, level i draws its interior nodes from the
-//! pool made with the spacing of level i - m, a maximal independent set of the interior nodes of the pool before it
-//! (C^m >= 4, so the pool is much finer than the level). Facet vertices are candidates on every level. The work over all
-//! levels is then O(n).
+//! Candidates. As printed, every level looks at every node. With `pool`, level i draws its interior nodes from a
+//! maximal independent set made with the spacing f_i / C^m (C^m >= 4, so this pool is much finer than the level), which
+//! was drawn from the pool of level i - 1 in turn. Facet vertices are candidates on every level. The work over all levels
+//! is then O(n).
 //!
 //! Depth. The paper takes the number of levels k as given. Without one, k is the first level whose own (not nested) mesh
 //! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
@@ -13,7 +13,7 @@ use crate::domain::{Domain, FacetRow};
 use crate::error::Error;
 use crate::guard::{Guard, Scene, better};
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, assemble, lower, select, triangulate};
+use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, assemble, lower, rank, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::greedy;
@@ -113,6 +113,8 @@ struct Pool<'a> {
     candidates: Candidates<'a>,
     /// Candidate of the finest pool, by candidate of this one.
     members: Vec<u32>,
+    /// f at the candidates, of the one level that draws from this pool; empty in the finest, which serves several.
+    f: Vec<f64>,
     /// Candidates looked at to make it.
     visits: usize,
 }
@@ -195,7 +197,12 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
     let boundary = input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).count() as i64;
     let cells = input.cells.len() as i64;
     let members = (0..nodes.len() as u32).collect();
-    let pool = Pool { candidates: Candidates { tree: Cow::Borrowed(&tree), points, nodes }, members, visits: 0 };
+    let pool = Pool {
+        candidates: Candidates { tree: Cow::Borrowed(&tree), points, nodes },
+        members,
+        f: Vec::new(),
+        visits: 0,
+    };
     let mut builder = Builder {
         lag: (4f64.ln() / options.factor.ln()).ceil().clamp(1.0, 64.0) as usize,
         euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
@@ -293,13 +300,16 @@ impl Builder<'_> {
         let wanted = i.saturating_sub(self.lag);
         while self.pools.len() <= wanted {
             self.progress.check()?;
-            let j = self.pools.len();
+            let level = self.pools.len() + self.lag;
             let facets = self.domain.len();
-            let last = &self.pools[j - 1];
-            let f = self.spacing_in(j, last)?;
+            let last = &self.pools[self.pools.len() - 1];
+            let f = self.spacing_in(level, last)?;
+            let finer = self.factor(self.lag);
+            let scaled: Vec<f64> = f.iter().map(|value| value / finer).collect();
             let mut order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
-            crate::level::rank(&mut order, &f, &last.candidates.nodes);
-            let mut chosen = greedy(&last.candidates.tree, &f, self.options.rules.beta, &order, &[], self.progress)?;
+            rank(&mut order, &f, &last.candidates.nodes);
+            let mut chosen =
+                greedy(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
             // ascending, so that the spatial order of the finest pool stays
             chosen.sort_unstable();
             let picked: Vec<u32> = (0..facets as u32).chain(chosen).collect();
@@ -311,6 +321,7 @@ impl Builder<'_> {
                     nodes: picked.iter().map(|&k| last.candidates.nodes[k as usize]).collect(),
                 },
                 members: picked.iter().map(|&k| last.members[k as usize]).collect(),
+                f: picked.iter().map(|&k| f[k as usize]).collect(),
                 visits: order.len(),
             };
             self.pools.push(pool);
@@ -341,7 +352,7 @@ impl Builder<'_> {
             }
             self.at_hand = p;
         }
-        let mut f = self.spacing_in(i, pool)?;
+        let mut f = if p > 0 { pool.f.clone() } else { self.spacing_in(i, pool)? };
         self.progress.check()?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
         let (choice, places) =
@@ -393,10 +404,15 @@ impl Builder<'_> {
         // pools tell roughly where to begin, without a selection on the fine levels
         let mut depth = 1;
         if self.options.pool {
+            // a pool of interior nodes holds about C^2m nodes for each of its level
+            let share = self.factor(2 * self.lag);
             loop {
-                let p = self.pool_for(depth + self.lag)?;
-                let (now, before) = (self.pools[p].members.len(), self.pools[p - 1].members.len());
-                if 2 * now <= coarsest || now as f64 > STALL * before as f64 || depth == MAX_LEVELS {
+                let p = self.pool_for(depth)?;
+                let facets = self.domain.len();
+                let now = self.pools[p].members.len() - facets;
+                let before = self.pools[p.saturating_sub(1)].members.len() - facets;
+                let is_stalled = p > 0 && now as f64 > STALL * before as f64;
+                if now as f64 <= share * coarsest as f64 || is_stalled || depth == MAX_LEVELS {
                     break;
                 }
                 depth += 1;
