@@ -41,7 +41,8 @@ def coast(n: int = 10_000, *, seed: int = 1997, extent: float = 100e3) -> Mesh:
     Returns
     -------
     Mesh
-        ``facet_tags`` are -1 on the open boundary, 20 on the mainland, 21 on islands; ``point_data["depth"]`` in metres.
+        ``facet_tags`` are -1 on the open boundary, 20 on the mainland, 21 on islands; ``point_data["depth"]`` in
+        metres.
     """
     if n < 200:
         raise ValueError(f"'n' is {n}, expected n >= 200")

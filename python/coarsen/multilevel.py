@@ -14,17 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-
-from coarsen import spacing as spacings
-from coarsen.backend import backend
 from coarsen.mesh import Mesh, Quality, Topology
 from coarsen.options import Options
 
+from coarsen import spacing as spacings
+from coarsen.backend import backend
+
 if TYPE_CHECKING:
+    from coarsen.check import Conditioning
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
-
-    from coarsen.check import Conditioning
 
 STOPPED = {
     "levels": "the {depth} levels asked for are there",
@@ -222,7 +221,7 @@ def coarsen(mesh: Mesh, factor: float = 2.0, **options: Any) -> Level:
     return hierarchy(mesh, factor=factor, **options, levels=1)[1]
 
 
-def hierarchy(  # noqa: PLR0913 - the public surface is fixed
+def hierarchy(
     mesh: Mesh,
     *,
     factor: float = 2.0,
@@ -334,7 +333,7 @@ def level_from(mesh: Mesh, made: dict[str, Any]) -> Level:
         n_boundary=made["n_boundary"],
         layer=None if mesh.topology.layer is None else mesh.topology.layer[nodes],
     )
-    coarse = Mesh._trusted(  # noqa: SLF001 - the core has made a legal mesh, it need not be checked again
+    coarse = Mesh._trusted(
         points, made["cells"], topology, facets=facets, facet_tags=facet_tags, cell_tags=cell_tags, point_data=fields
     )
     return Level(coarse, nodes, made["factor"], made["spacing"], made["visits"], made.get("dropped"))
