@@ -307,7 +307,7 @@ impl Builder<'_> {
             let finer = self.factor(self.lag);
             let scaled: Vec<f64> = f.iter().map(|value| value / finer).collect();
             let mut order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
-            rank(&mut order, &f, &last.candidates.nodes);
+            rank(&mut order, &f);
             let mut chosen =
                 greedy(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
             // ascending, so that the spatial order of the finest pool stays

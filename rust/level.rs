@@ -6,7 +6,7 @@
 //! (5) a maximal independent set of their conflict graph, after all that was kept before; (6) the constrained Delaunay
 //! triangulation of what is kept, cells outside flooded away.
 //!
-//! Within a class the order is descending f, ties by node. Departures from the figure: distances are taken to the
+//! The order within a class is that of [`rank`]. Departures from the figure: distances are taken to the
 //! chords rather than to the input's boundary, and chords are repaired; on the unit square both are the same.
 
 use crate::domain::{Chord, Domain, segment_distance_2};
@@ -16,6 +16,7 @@ use crate::point::{NONE, Point, distance};
 use crate::progress::Progress;
 use crate::selection::{conflict_graph, greedy};
 use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
+use rayon::slice::ParallelSliceMut;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
@@ -63,12 +64,12 @@ impl Choice {
     }
 }
 
-/// The order of the greedy pass within a class: descending f, ties by node.
-pub fn rank(order: &mut [u32], f: &[f64], nodes: &[u32]) {
-    order.sort_unstable_by(|&a, &b| {
-        let (a, b) = (a as usize, b as usize);
-        f[b].total_cmp(&f[a]).then(nodes[a].cmp(&nodes[b]))
-    });
+/// The order of the greedy pass within a class: descending f in steps of about an eighth of an octave, ties by candidate
+/// (facet vertices by node, interior nodes along a Hilbert curve). Neighbours in the order are then neighbours in the plane,
+/// which is several times faster than descending f alone, for levels of the same size.
+pub fn rank(order: &mut [u32], f: &[f64]) {
+    // exponent and the first three bits of the mantissa
+    order.par_sort_unstable_by_key(|&k| (!(f[k as usize].to_bits() >> 49), k));
 }
 
 /// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms).
@@ -100,7 +101,7 @@ pub fn select(
     let chords = loop {
         let (mut keep, mut order): (Vec<u32>, Vec<u32>) = (0..facets as u32).partition(|&v| kept[v as usize]);
         keep.extend(&seeded);
-        rank(&mut order, f, &candidates.nodes);
+        rank(&mut order, f);
         for v in greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)? {
             kept[v as usize] = true;
         }
@@ -124,7 +125,7 @@ pub fn select(
     keep.extend(&seeded);
     let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
     let mut order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
-    rank(&mut order, f, &candidates.nodes);
+    rank(&mut order, f);
     let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
     let mut interior = seeds.interior.clone();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));

@@ -109,7 +109,7 @@ impl Line<'_> {
                 !kept[i as usize] && ends.iter().all(|&end| distance(end, &self.points[i as usize]) >= reach)
             }));
         }
-        rank(&mut order, f, &nodes);
+        rank(&mut order, f);
         for i in greedy(&self.tree, f, self.options.rules.beta, &order, &keep, self.progress)? {
             kept[i as usize] = true;
         }

@@ -6,6 +6,7 @@
 
 use crate::error::Error;
 use crate::point::{NONE, Point};
+use rayon::prelude::*;
 use spade::handles::{DirectedEdgeHandle, FixedVertexHandle};
 use spade::{CdtEdge, ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
 
@@ -169,7 +170,7 @@ fn visit(edge: Edge<'_>, cell_of: &mut [u32], faces: &mut Vec<FaceHandle>) -> Re
 }
 
 /// Sorts indices along a Hilbert curve through the bounding box of their points, ties by index.
-pub fn sort_spatially(indices: &mut Vec<u32>, point: impl Fn(u32) -> Point<2>) {
+pub fn sort_spatially(indices: &mut Vec<u32>, point: impl Fn(u32) -> Point<2> + Sync) {
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for &i in indices.iter() {
         for (k, x) in point(i).into_iter().enumerate() {
@@ -180,13 +181,13 @@ pub fn sort_spatially(indices: &mut Vec<u32>, point: impl Fn(u32) -> Point<2>) {
     let extent = (high[0] - low[0]).max(high[1] - low[1]);
     let scale = if extent > 0.0 { f64::from(u32::MAX) / extent } else { 0.0 };
     let mut keyed: Vec<(u64, u32)> = indices
-        .iter()
+        .par_iter()
         .map(|&i| {
             let [x, y] = point(i);
             (hilbert(((x - low[0]) * scale) as u32, ((y - low[1]) * scale) as u32), i)
         })
         .collect();
-    keyed.sort_unstable();
+    keyed.par_sort_unstable();
     indices.clear();
     indices.extend(keyed.into_iter().map(|(_, i)| i));
 }
