@@ -22,6 +22,7 @@ pub mod level;
 
 pub mod guard;
 pub mod hierarchy;
+pub mod layers;
 pub mod line;
 pub mod skeleton;
 pub mod transfer;

@@ -296,6 +296,7 @@ class FacetArrays:
     tags: NDArray[np.int64]
     given: NDArray[np.bool_]
     n_boundary: int
+    layer: NDArray[np.uint8] | None
 
 
 def facets_of(mesh: Mesh) -> FacetArrays:
@@ -308,7 +309,8 @@ def facets_of(mesh: Mesh) -> FacetArrays:
     facet_tags = np.zeros(len(given), np.int64)
     if mesh.facet_tags is not None:
         facet_tags[given] = mesh.facet_tags[topology.facet_given[given]]
-    return FacetArrays(np.ascontiguousarray(topology.facets), beside, facet_tags, given, topology.n_boundary)
+    layer = None if topology.layer is None else topology.layer.astype(np.uint8)
+    return FacetArrays(np.ascontiguousarray(topology.facets), beside, facet_tags, given, topology.n_boundary, layer)
 
 
 def level_from(mesh: Mesh, made: dict[str, Any]) -> Level:

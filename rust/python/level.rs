@@ -4,6 +4,7 @@ use super::run::run;
 use crate::domain::FacetRow;
 use crate::error::Error;
 use crate::hierarchy::{Input, Level, Method, Options, Stopped, hierarchy};
+use crate::layers::hierarchy_in_layers;
 use crate::level::Rules;
 use crate::line::{self, LineLevel};
 use crate::point::{NONE, Point};
@@ -112,6 +113,8 @@ struct PyFacets<'py> {
     tags: PyReadonlyArray1<'py, i64>,
     given: PyReadonlyArray1<'py, bool>,
     n_boundary: usize,
+    /// Layer of each node, where parts overlap.
+    layer: Option<PyReadonlyArray1<'py, u8>>,
 }
 
 impl PyFacets<'_> {
@@ -155,10 +158,15 @@ fn py_hierarchy<'py>(
     threads: Option<usize>,
 ) -> PyResult<Made<'py>> {
     let spacing = spacing.as_ref().map(|s| s.as_slice()).transpose()?;
+    let layer = facets.layer.as_ref().map(|layer| layer.as_slice()).transpose()?;
     let (cells, facets) = (index_rows(&cells)?, facets.rows()?);
     let input = Input { points: rows("points", &points)?, cells: &cells, facets: &facets, spacing };
     let options = options.core();
-    let (levels, stopped, g) = run(py, threads, progress.as_ref(), |progress| hierarchy(&input, options, progress))?;
+    let work = |progress: &Progress| match layer {
+        Some(layer) => hierarchy_in_layers(&input, layer, options, progress),
+        None => hierarchy(&input, options, progress),
+    };
+    let (levels, stopped, g) = run(py, threads, progress.as_ref(), work)?;
     let levels = levels.into_iter().map(|level| wrap(py, level)).collect::<PyResult<_>>()?;
     Ok((levels, name_of(stopped), g.into_pyarray(py)))
 }
