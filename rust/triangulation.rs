@@ -40,13 +40,15 @@ pub struct Cells {
     pub constraints: Vec<[u32; 3]>,
 }
 
-fn insert_all(points: &[Point<2>]) -> Result<Cdt, Error> {
+/// Inserts the points in their order; `name` is what messages call a point.
+fn insert_all(points: &[Point<2>], name: impl Fn(usize) -> u32) -> Result<Cdt, Error> {
     let mut cdt = Cdt::with_capacity(points.len(), points.len() * 3, points.len() * 2);
     for (i, p) in points.iter().enumerate() {
         let [x, y] = p.map(|c| if c.abs() < TINY { 0.0 } else { c });
-        let handle = cdt.insert(Point2::new(x, y)).map_err(|e| Error::Argument(format!("point {i} at {p:?}: {e}")))?;
+        let handle =
+            cdt.insert(Point2::new(x, y)).map_err(|e| Error::Argument(format!("point {} at {p:?}: {e}", name(i))))?;
         if handle.index() != i {
-            return Err(Error::Argument(format!("point {i} repeats point {} at {p:?}", handle.index())));
+            return Err(Error::Argument(format!("point {} repeats point {} at {p:?}", name(i), name(handle.index()))));
         }
     }
     Ok(cdt)
@@ -71,23 +73,11 @@ fn constrain(cdt: &mut Cdt, ends: impl Iterator<Item = [u32; 2]>) -> Vec<u32> {
     failed
 }
 
-/// Delaunay triangulation of the convex hull, with given edges kept.
+/// Delaunay triangulation of the convex hull, with given edges kept; points in any order are inserted along a Hilbert curve.
 ///
 /// # Errors
-/// [`Error::Argument`] where points repeat, or where an edge crosses another or passes through a point.
+/// [`Error::Argument`] where points repeat, or where an edge names no point, crosses another or passes through a point.
 pub fn delaunay(points: &[Point<2>], edges: &[[u32; 2]]) -> Result<Vec<[u32; 3]>, Error> {
-    let mut cdt = insert_all(points)?;
-    if let Some(&bad) = constrain(&mut cdt, edges.iter().copied()).first() {
-        let [a, b] = edges[bad as usize];
-        return Err(Error::Argument(format!(
-            "'facets' row {bad} (points {a} and {b}) crosses another facet or passes through a point"
-        )));
-    }
-    Ok(cdt.inner_faces().map(|face| face.vertices().map(|v| v.fix().index() as u32)).collect())
-}
-
-/// [`delaunay`] of points in any order, inserted along a Hilbert curve; duplicates and indices are checked.
-pub fn delaunay_of(points: &[Point<2>], edges: &[[u32; 2]]) -> Result<Vec<[u32; 3]>, Error> {
     for (row, ends) in edges.iter().enumerate() {
         if let Some(&i) = ends.iter().find(|&&i| i as usize >= points.len()) {
             return Err(Error::Argument(format!("'facets' row {row} names point {i} of {}", points.len())));
@@ -99,8 +89,14 @@ pub fn delaunay_of(points: &[Point<2>], edges: &[[u32; 2]]) -> Result<Vec<[u32; 
     order.iter().enumerate().for_each(|(k, &i)| place[i as usize] = k as u32);
     let sorted: Vec<Point<2>> = order.iter().map(|&i| points[i as usize]).collect();
     let moved: Vec<[u32; 2]> = edges.iter().map(|ends| ends.map(|i| place[i as usize])).collect();
-    let cells = delaunay(&sorted, &moved)?;
-    Ok(cells.iter().map(|cell| cell.map(|k| order[k as usize])).collect())
+    let mut cdt = insert_all(&sorted, |k| order[k])?;
+    if let Some(&bad) = constrain(&mut cdt, moved.iter().copied()).first() {
+        let [a, b] = edges[bad as usize];
+        return Err(Error::Argument(format!(
+            "'facets' row {bad} (points {a} and {b}) crosses another facet or passes through a point"
+        )));
+    }
+    Ok(cdt.inner_faces().map(|face| face.vertices().map(|v| order[v.fix().index()])).collect())
 }
 
 /// Outcome of [`inside`].
@@ -113,7 +109,7 @@ pub enum Inside {
 
 /// Cells of the constrained Delaunay triangulation that lie inside the walls.
 pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside, Error> {
-    let mut cdt = insert_all(points)?;
+    let mut cdt = insert_all(points, |k| k as u32)?;
     let failed = constrain(&mut cdt, constraints.iter().map(|c| c.ends));
     if !failed.is_empty() {
         return Ok(Inside::Failed(failed));

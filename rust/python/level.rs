@@ -49,7 +49,7 @@ fn py_delaunay<'py>(
         Some(facets) => rows::<i64, 2>("facets", facets)?.iter().map(|row| row.map(|i| i as u32)).collect(),
         None => Vec::new(),
     };
-    let cells = run(py, None, None, |_| crate::triangulation::delaunay_of(points, &edges))?;
+    let cells = run(py, None, None, |_| crate::triangulation::delaunay(points, &edges))?;
     index_array(py, &cells)
 }
 

@@ -1,0 +1,85 @@
+"""Conflict graph (Definition 3.5) and greedy maximal independent sets.
+
+Two points conflict where ``0 < |p - q| < (f(p) + f(q)) / beta``, strictly. Points at a distance of 0 count as one: they
+don't conflict with each other, so the two sides of a slit stay or go together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .kdtree import Blocks
+from .point import Bools, Floats, Ints, distance
+
+
+def _conflict(points: Floats, f: Floats, beta: float, one: Ints | int, others: Ints) -> Bools:
+    between = distance(points[one], points[others])
+    conflict: Bools = (between > 0.0) & (between < (f[one] + f[others]) / beta)
+    return conflict
+
+
+def conflict_graph(points: Floats, f: Floats, beta: float, threads: int | None = None) -> Ints:
+    """Return the edges of the conflict graph, shape (e, 2): each once, i < j, sorted."""
+    blocks = Blocks(points)
+    most = blocks.greatest(f)
+    edges = [np.empty((0, 2), np.int64)]
+    for k, own in enumerate(blocks.members):
+        near = np.sqrt(blocks.distances_2(blocks.low[k], blocks.high[k])) < (most[k] + most) / beta
+        for other in np.flatnonzero(near):
+            i, j = np.nonzero(_conflict(points, f, beta, own[:, None], blocks.members[other][None]))
+            pairs = np.column_stack([own[i], blocks.members[other][j]])
+            edges.append(pairs[pairs[:, 0] < pairs[:, 1]])
+    graph = np.concatenate(edges)
+    return graph[np.lexsort((graph[:, 1], graph[:, 0]))]
+
+
+def greedy(points: Floats, f: Floats, beta: float, order: Ints, keep: Ints) -> Ints:
+    """Return those of `order` that join: each in turn, unless it conflicts with one that is in, as all of `keep` are.
+
+    Points in neither list take no part, whatever their f.
+    """
+    free = np.zeros(len(points), np.bool_)
+    free[order] = True
+    free[keep] = False
+    taking_part = np.union1d(order, keep)
+    blocks = Blocks(points[taking_part])
+    most = blocks.greatest(f[taking_part])
+    members = [taking_part[some] for some in blocks.members]
+    selected = []
+    for count, i in enumerate(np.concatenate([keep, order]).astype(np.int64)):
+        if count >= len(keep):
+            if not free[i]:
+                continue
+            selected.append(i)
+            free[i] = False
+        near = np.sqrt(blocks.distances_2(points[i], points[i])) < (f[i] + most) / beta
+        for k in np.flatnonzero(near):
+            others = members[k][free[members[k]]]
+            free[others[_conflict(points, f, beta, i, others)]] = False
+    return np.array(selected, np.int64)
+
+
+def independent_set(
+    points: Floats, f: Floats, beta: float, rank: Ints | None, keep: Ints | None, threads: int | None = None
+) -> Ints:
+    """Return the greedy maximal independent set of all points by (rank, index) after `keep`, ascending."""
+    n = len(points)
+    order = np.arange(n) if rank is None else np.lexsort((np.arange(n), rank))
+    kept = np.empty(0, np.int64) if keep is None else keep
+    return np.union1d(kept, greedy(points, f, beta, order, kept))
+
+
+def skeleton_independent_set(n_points: int, cells: npt.NDArray[np.integer]) -> Ints:
+    """Return the greedy maximal independent set by index on the edges of a mesh: the baseline of Table 2."""
+    around: list[set[int]] = [set() for _ in range(n_points)]
+    for cell in cells.tolist():
+        for node in cell:
+            around[node].update(cell)
+    blocked: set[int] = set()
+    selected = []
+    for node in range(n_points):
+        if node not in blocked:
+            selected.append(node)
+            blocked |= around[node]
+    return np.array(selected, np.int64)

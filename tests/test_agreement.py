@@ -1,0 +1,98 @@
+"""The twins: spacing equal bit for bit, selected nodes exactly, both by definition."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from clouds import clouds
+from coarsen import _core, reference
+from oracles import (
+    assert_is_lipschitz,
+    assert_is_mis,
+    brute_coarsened,
+    brute_conflicts,
+    brute_greedy,
+    brute_nearest,
+)
+
+SEED = 1997
+COUNT = 400
+
+each_dimension = pytest.mark.parametrize("d", [1, 2, 3])
+
+
+def both(name, *arguments):
+    """The answer of both twins to the same question, after they were found equal."""
+    rust, numpy = (getattr(twin, name)(*arguments) for twin in (_core, reference))
+    assert rust.dtype == numpy.dtype
+    np.testing.assert_array_equal(rust, numpy)
+    return rust
+
+
+@each_dimension
+def test_spacing_agrees_bit_for_bit_and_is_what_the_definitions_say(d):
+    rng = np.random.default_rng(SEED)
+    for points in clouds(SEED, COUNT, d):
+        at = points[rng.integers(0, len(points), 20)] + rng.normal(size=(20, d)) * np.ptp(points) / 9
+        g = both("nearest", points, None)
+        np.testing.assert_array_equal(g, brute_nearest(points))
+        np.testing.assert_array_equal(both("nearest_at", points, points, None), g)
+        both("nearest_at", points, at, None)
+        both("threshold", g, 3.0)
+        g = np.minimum(g, 1e9)
+        for factor, gradation in ((2.0, 1.0), (7.3, 0.37)):
+            f = both("coarsened", points, g, factor, gradation, None, None)
+            np.testing.assert_array_equal(f, brute_coarsened(points, g, factor, gradation))
+            assert_is_lipschitz(points, f, gradation)
+            f_at = both("coarsened", points, g, factor, gradation, at, None)
+            np.testing.assert_array_equal(f_at, brute_coarsened(points, g, factor, gradation, at))
+
+
+@each_dimension
+def test_quadtree_agrees_bit_for_bit_and_stays_under_nearest(d):
+    rng = np.random.default_rng(SEED)
+    for points in clouds(SEED + 2, COUNT // 2, d, most=40):
+        h = both("quadtree", points, None, None)
+        assert (h <= brute_nearest(points)).all()
+        low, high = points.min(axis=0), points.max(axis=0)
+        both("quadtree", points, low + (rng.random((30, d)) * 1.4 - 0.2) * (high - low), None)
+
+
+@each_dimension
+def test_selection_agrees_exactly_and_is_a_maximal_independent_set(d):
+    rng = np.random.default_rng(SEED)
+    for k, points in enumerate(clouds(SEED + 3, COUNT, d)):
+        n = len(points)
+        g = np.minimum(brute_nearest(points), 1e9)
+        f = brute_coarsened(points, g, 3.0) if k % 4 else rng.random(n) ** 3 * np.ptp(points)
+        beta = float(rng.choice([1.2, 2.0, 3.0]))
+        rank = rng.integers(0, 4, n) if k % 2 else None
+        keep = rng.integers(0, n, int(rng.integers(0, 4))) if k % 3 else None
+        conflicts = brute_conflicts(points, f, beta)
+        edges = both("conflict_graph", points, f, beta, None)
+        np.testing.assert_array_equal(edges, np.argwhere(np.triu(conflicts)).reshape(-1, 2))
+        selected = both("independent_set", points, f, beta, rank, keep, None)
+        kept = () if keep is None else keep
+        order = np.lexsort((np.arange(n), np.zeros(n) if rank is None else rank))
+        np.testing.assert_array_equal(selected, brute_greedy(conflicts, order, kept))
+        assert_is_mis(points, f, beta, selected, exempt=kept)
+
+
+def test_skeleton_sets_agree_exactly():
+    for points in clouds(SEED + 4, 100, 2, distinct=True):
+        cells = reference.delaunay(points, None)
+        both("skeleton_independent_set", len(points), cells)
+    both("skeleton_independent_set", 5, np.array([[0, 1], [1, 2], [2, 3]]))
+
+
+def test_large_sets_agree_too():
+    """Trees and blocks of many levels; a uniform and a graded set."""
+    rng = np.random.default_rng(SEED)
+    uniform = rng.random((20_000, 2))
+    for points in (uniform, 10.0 ** (6 * uniform - 6)):
+        g = both("nearest", points, None)
+        both("quadtree", points, None, None)
+        for factor in (2.0, 32.0):
+            f = both("coarsened", points, g, factor, 0.5, None, None)
+            both("independent_set", points, f, 2.0, None, None, None)
