@@ -84,6 +84,13 @@ impl<const D: usize> Bounds<D> {
         axis
     }
 
+    /// The length of the longest side.
+    #[inline]
+    pub fn width(&self) -> f64 {
+        let axis = self.widest();
+        self.hi[axis] - self.lo[axis]
+    }
+
     /// Squared distance to a point; at most [`distance_2`] to any point inside, in floats too.
     #[inline(always)]
     pub fn distance_2(&self, x: &Point<D>) -> f64 {

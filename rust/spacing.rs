@@ -20,6 +20,9 @@ use rayon::prelude::*;
 /// Leaves of queries that one thread answers between two looks at the progress.
 const LEAVES_AT_ONCE: usize = GRAIN / LEAF;
 
+/// Queries walk down the tree together while their box is at most so many times as wide as g at the site that won last.
+const WIDTHS_TOGETHER: f64 = 8.0;
+
 /// NN_P at the points of the tree, by original index: the least distance over 0 to another point, infinite where all
 /// points coincide or there is only one.
 ///
@@ -118,37 +121,66 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
 
     /// f at up to [`GRAIN`] neighbours.
     fn block(&self, factor: f64, queries: &[Point<D>], found: &mut [f64]) {
-        let (tree, slope) = (self.tree, self.gradation);
         let mut winner = None;
         for (queries, best) in queries.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
             let around = Bounds::of(queries);
-            for (x, best) in queries.iter().zip(best.iter_mut()) {
-                *best = match winner {
-                    Some(p) => self.weight(factor, p) + slope * distance(&tree.points()[p], x),
-                    None => f64::INFINITY,
-                };
+            // a walk for all looks at sites that win nowhere, within about the box's width of the winner: no loss where
+            // few sites are there, but a bad one where a far cluster of much finer ones wins
+            let together = winner.is_some_and(|p| around.width() <= WIDTHS_TOGETHER * self.g[p]);
+            if together {
+                self.walk(factor, queries, &around, best, &mut winner);
+            } else {
+                for (x, best) in queries.chunks(1).zip(best.chunks_mut(1)) {
+                    self.walk(factor, x, &Bounds::of(x), best, &mut winner);
+                }
             }
-            tree.search(
-                greatest(best),
-                |node| self.least_weight(factor, node) + slope * tree.bounds(node).gap_2(&around).sqrt(),
-                |node, range| {
-                    let bounds = tree.bounds(node);
-                    let least = self.least_weight(factor, node);
-                    for (x, best) in queries.iter().zip(best.iter_mut()) {
-                        if least + slope * bounds.distance_2(x).sqrt() < *best {
-                            for p in range.clone() {
-                                let value = self.weight(factor, p) + slope * distance(&tree.points()[p], x);
-                                if value < *best {
-                                    *best = value;
-                                    winner = Some(p);
-                                }
+        }
+    }
+
+    /// One walk down the tree for a few queries in the box `around`, from the last `winner`.
+    #[inline(always)]
+    fn walk(
+        &self,
+        factor: f64,
+        queries: &[Point<D>],
+        around: &Bounds<D>,
+        best: &mut [f64],
+        winner: &mut Option<usize>,
+    ) {
+        let (tree, slope) = (self.tree, self.gradation);
+        for (x, best) in queries.iter().zip(best.iter_mut()) {
+            *best = match *winner {
+                Some(p) => self.weight(factor, p) + slope * distance(&tree.points()[p], x),
+                None => f64::INFINITY,
+            };
+        }
+        tree.search(
+            greatest(best),
+            |node| self.least_weight(factor, node) + slope * tree.bounds(node).gap_2(around).sqrt(),
+            |node, range| {
+                let bounds = tree.bounds(node);
+                let least = self.least_weight(factor, node);
+                // copies of one point: the least weighs as one, and a minimum of rounded sums is the sum with the minimum
+                let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
+                let lone = range.len() == 1;
+                for (x, best) in queries.iter().zip(best.iter_mut()) {
+                    let bound = least + slope * bounds.distance_2(x).sqrt();
+                    if bound < *best && lone {
+                        *best = bound;
+                        *winner = Some(range.start);
+                    } else if bound < *best {
+                        for p in range.clone() {
+                            let value = self.weight(factor, p) + slope * distance(&tree.points()[p], x);
+                            if value < *best {
+                                *best = value;
+                                *winner = Some(p);
                             }
                         }
                     }
-                    greatest(best)
-                },
-            );
-        }
+                }
+                greatest(best)
+            },
+        );
     }
 }
 
