@@ -17,6 +17,7 @@
 use crate::point::{Point, distance_2};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// The most points in a leaf.
 pub const LEAF: usize = 8;
@@ -119,6 +120,7 @@ impl<const D: usize> Bounds<D> {
 pub struct KdTree<const D: usize> {
     points: Vec<Point<D>>,
     order: Vec<u32>,
+    positions: OnceLock<Vec<u32>>,
     bounds: Vec<Bounds<D>>,
     first_leaf: usize,
 }
@@ -145,7 +147,7 @@ impl<const D: usize> KdTree<D> {
         let order = items.iter().map(|item| item.index).collect();
         let points: Vec<Point<D>> = items.iter().map(|item| item.point).collect();
         drop(items);
-        let mut tree = KdTree { points, order, bounds: Vec::new(), first_leaf };
+        let mut tree = KdTree { points, order, positions: OnceLock::new(), bounds: Vec::new(), first_leaf };
         tree.bounds = tree.folded(Bounds::EMPTY, |range| Bounds::of(&tree.points[range]), Bounds::merged);
         tree
     }
@@ -160,13 +162,15 @@ impl<const D: usize> KdTree<D> {
         &self.order
     }
 
-    /// Original index → leaf position.
-    pub fn positions(&self) -> Vec<u32> {
-        let mut positions = vec![0; self.order.len()];
-        for (position, &index) in self.order.iter().enumerate() {
-            positions[index as usize] = position as u32;
-        }
-        positions
+    /// Original index → leaf position; made when first asked for.
+    pub fn positions(&self) -> &[u32] {
+        self.positions.get_or_init(|| {
+            let mut positions = vec![0; self.order.len()];
+            for (position, &index) in self.order.iter().enumerate() {
+                positions[index as usize] = position as u32;
+            }
+            positions
+        })
     }
 
     /// How many points there are.
@@ -191,9 +195,10 @@ impl<const D: usize> KdTree<D> {
         range(node, self.points.len())
     }
 
-    /// Leaf positions of every leaf, in order.
-    pub fn leaves(&self) -> impl IndexedParallelIterator<Item = Range<usize>> + '_ {
-        (self.first_leaf..2 * self.first_leaf).into_par_iter().map(|node| self.range(node))
+    /// Whether a node has no children.
+    #[inline(always)]
+    pub fn is_leaf(&self, node: usize) -> bool {
+        node >= self.first_leaf
     }
 
     /// A value for every node (heap order, entry 0 unused): `leaf` makes it at the leaves, `join` from two children.
@@ -242,7 +247,7 @@ impl<const D: usize> KdTree<D> {
         let mut node = 1;
         let mut open = bound(node) < limit;
         loop {
-            if open && node < self.first_leaf && !self.bounds[node].is_location() {
+            if open && !self.is_leaf(node) && !self.bounds[node].is_location() {
                 let (left, right) = (2 * node, 2 * node + 1);
                 let (left_bound, right_bound) = (bound(left), bound(right));
                 let (near, near_bound, far, far_bound) = if right_bound < left_bound {
@@ -299,20 +304,47 @@ impl<const D: usize> KdTree<D> {
         (best.0, best.2)
     }
 
+    /// Visits every leaf that can be reached through nodes where `enter` holds.
+    #[inline(always)]
+    pub fn descend(&self, mut enter: impl FnMut(usize) -> bool, mut visit: impl FnMut(Range<usize>)) {
+        let mut stack = [0; 40];
+        let mut top = 0;
+        let mut node = 1;
+        let mut open = enter(node);
+        loop {
+            if open && !self.is_leaf(node) {
+                let (left, right) = (2 * node, 2 * node + 1);
+                let (left_open, right_open) = (enter(left), enter(right));
+                if left_open && right_open {
+                    stack[top] = right;
+                    top += 1;
+                }
+                (node, open) = (if left_open { left } else { right }, left_open || right_open);
+                continue;
+            }
+            if open {
+                visit(self.range(node));
+            }
+            if top == 0 {
+                return;
+            }
+            top -= 1;
+            (node, open) = (stack[top], true);
+        }
+    }
+
     /// Calls `found` with the leaf position and squared distance of every point nearer to `x` than `radius`.
     pub fn ball(&self, x: &Point<D>, radius: f64, mut found: impl FnMut(usize, f64)) {
         let radius_2 = (radius * radius).next_up();
-        self.search(
-            radius_2,
-            |node| self.bounds[node].distance_2(x),
-            |_, range| {
+        self.descend(
+            |node| self.bounds[node].distance_2(x) < radius_2,
+            |range| {
                 for position in range {
                     let d_2 = distance_2(&self.points[position], x);
                     if d_2.sqrt() < radius {
                         found(position, d_2);
                     }
                 }
-                radius_2
             },
         );
     }

@@ -12,17 +12,37 @@ use crate::kdtree::{GRAIN, KdTree};
 use crate::point::{Point, distance_2};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::collections::HashSet;
 
-/// The edge rule, with the sum f(p) + f(q) and squared distances.
+/// Where candidates are fewer than one in so many points of the tree, they get a tree of their own.
+const FEW: usize = 4;
+
+/// The edge rule on squared distances and sums f(p) + f(q).
 #[derive(Clone, Copy)]
 struct Rule {
     beta: f64,
+    over_beta: f64,
 }
 
+/// Relative room for the rounding of `(sum * (1 / beta))^2` and of the square root it stands in for.
+const ROOM: f64 = 1.0 + 1e-14;
+
 impl Rule {
+    fn new(beta: f64) -> Self {
+        Rule { beta, over_beta: 1.0 / beta }
+    }
+
+    /// False only where [`Rule::conflict`] is; needs neither root nor division.
+    #[inline(always)]
+    fn possible(self, d_2: f64, sum: f64) -> bool {
+        let reach = sum * self.over_beta;
+        // the least normal number stands for what is lost where squares underflow
+        reach > 0.0 && d_2 <= reach * reach * ROOM + f64::MIN_POSITIVE
+    }
+
     #[inline(always)]
     fn conflict(self, d_2: f64, sum: f64) -> bool {
-        d_2 > 0.0 && d_2.sqrt() < sum / self.beta
+        d_2 > 0.0 && self.possible(d_2, sum) && d_2.sqrt() < sum / self.beta
     }
 }
 
@@ -35,7 +55,7 @@ pub fn conflict_graph<const D: usize>(
     beta: f64,
     progress: &Progress,
 ) -> Result<Vec<[u32; 2]>, Error> {
-    let rule = Rule { beta };
+    let rule = Rule::new(beta);
     let weights: Vec<f64> = tree.order().iter().map(|&i| f[i as usize]).collect();
     let most = tree.node_max(&weights);
     let positions: Vec<usize> = (0..tree.len()).collect();
@@ -45,13 +65,18 @@ pub fn conflict_graph<const D: usize>(
             progress.check()?;
             let mut edges = Vec::new();
             for &p in positions {
-                let i = tree.order()[p];
-                around(tree, &most, rule, &tree.points()[p], weights[p], |q, d_2| {
-                    let j = tree.order()[q];
-                    if i < j && rule.conflict(d_2, weights[p] + weights[q]) {
-                        edges.push([i, j]);
-                    }
-                });
+                let (x, i) = (&tree.points()[p], tree.order()[p]);
+                tree.descend(
+                    |node| may_conflict(tree, rule, node, x, weights[p] + most[node]),
+                    |range| {
+                        for q in range {
+                            let j = tree.order()[q];
+                            if i < j && rule.conflict(distance_2(&tree.points()[q], x), weights[p] + weights[q]) {
+                                edges.push([i, j]);
+                            }
+                        }
+                    },
+                );
             }
             Ok(edges)
         })
@@ -61,38 +86,49 @@ pub fn conflict_graph<const D: usize>(
     Ok(edges)
 }
 
-/// Calls `meet` with the leaf position and squared distance of every point that may conflict with x.
+/// Whether the node may hold a point that conflicts with x, for the greatest sum of both spacings.
 #[inline(always)]
-fn around<const D: usize>(
-    tree: &KdTree<D>,
-    most: &[f64],
+fn may_conflict<const D: usize>(tree: &KdTree<D>, rule: Rule, node: usize, x: &Point<D>, sum: f64) -> bool {
+    let bounds = tree.bounds(node);
+    let d_2 = bounds.distance_2(x);
+    // copies of x itself are no conflict, and may be many
+    rule.possible(d_2, sum) && !(d_2 == 0.0 && bounds.is_location())
+}
+
+/// The candidates that are still free: their f in leaf order (NaN for all others), and the greatest by node.
+struct Free<'a, const D: usize> {
+    tree: &'a KdTree<D>,
     rule: Rule,
-    x: &Point<D>,
-    f: f64,
-    mut meet: impl FnMut(usize, f64),
-) {
-    // a node is entered where bound < 1: there some q may have distance < (f + f(q)) / beta
-    tree.search(
-        1.0,
-        |node| {
-            let reach = (f + most[node]) / rule.beta;
-            let bounds = tree.bounds(node);
-            let d_2 = bounds.distance_2(x);
-            let only_here = d_2 == 0.0 && bounds.is_location();
-            if d_2.sqrt() < reach && !only_here { 0.0 } else { 1.0 }
-        },
-        |_, range| {
-            for q in range {
-                meet(q, distance_2(&tree.points()[q], x));
-            }
-            1.0
-        },
-    );
+    f: Vec<f64>,
+    most: Vec<f64>,
+}
+
+impl<'a, const D: usize> Free<'a, D> {
+    fn new(tree: &'a KdTree<D>, rule: Rule, f: Vec<f64>) -> Self {
+        Free { most: tree.node_max(&f), tree, rule, f }
+    }
+
+    /// Takes out what conflicts with x.
+    fn block(&mut self, x: &Point<D>, f: f64) {
+        let (tree, rule, most) = (self.tree, self.rule, &self.most);
+        let (free, points) = (&mut self.f, tree.points());
+        tree.descend(
+            |node| may_conflict(tree, rule, node, x, f + most[node]),
+            |range| {
+                for (q, free) in points[range.clone()].iter().zip(&mut free[range]) {
+                    if rule.conflict(distance_2(q, x), f + *free) {
+                        *free = f64::NAN;
+                    }
+                }
+            },
+        );
+    }
 }
 
 /// Greedy maximal independent set of the conflict graph on `keep` and `order`: `keep` stays whatever its members'
-/// conflicts, then each of `order` joins unless it conflicts with one that is in. Returns those of `order` that joined, in
-/// order. `f` is by original index and read at these points only; points in neither list take no part.
+/// conflicts, then each of `order` (distinct indices) joins unless it conflicts with one that is in. Returns those of
+/// `order` that joined, in order. `f` is by original index and read at these points only; points in neither list take
+/// no part.
 ///
 /// Runtime: O(k log k + conflicts) for k = |order| + |keep|.
 pub fn greedy<const D: usize>(
@@ -103,41 +139,54 @@ pub fn greedy<const D: usize>(
     keep: &[u32],
     progress: &Progress,
 ) -> Result<Vec<u32>, Error> {
-    const OUT: u8 = 0;
-    const FREE: u8 = 1;
-    let rule = Rule { beta };
     let positions = tree.positions();
-    let mut weights = vec![f64::NAN; tree.len()];
-    let mut state = vec![OUT; tree.len()];
-    for &i in order {
-        let p = positions[i as usize] as usize;
-        weights[p] = f[i as usize];
-        state[p] = FREE;
-    }
-    for &i in keep {
-        state[positions[i as usize] as usize] = OUT;
-    }
-    let most = tree.node_max(&weights);
-    let mut selected = Vec::new();
-    for (count, &i) in keep.iter().chain(order).enumerate() {
+    let position = |i: &u32| positions[*i as usize] as usize;
+    let point = |i: &u32| tree.points()[position(i)];
+    let kept = keep.iter().map(|i| (point(i), f[*i as usize]));
+    let joined = if order.len() * FEW < tree.len() {
+        let points: Vec<Point<D>> = order.iter().map(point).collect();
+        let own = KdTree::new(&points);
+        let is_kept: HashSet<&u32> = keep.iter().collect();
+        let weight = |i: &u32| if is_kept.contains(i) { f64::NAN } else { f[*i as usize] };
+        let weights = own.order().iter().map(|&k| weight(&order[k as usize])).collect();
+        let free = Free::new(&own, Rule::new(beta), weights);
+        pass(free, kept, own.positions().iter().map(|&p| p as usize), progress)?
+    } else {
+        let mut weights = vec![f64::NAN; tree.len()];
+        order.iter().for_each(|i| weights[position(i)] = f[*i as usize]);
+        keep.iter().for_each(|i| weights[position(i)] = f64::NAN);
+        let free = Free::new(tree, Rule::new(beta), weights);
+        pass(free, kept, order.iter().map(position), progress)?
+    };
+    Ok(joined.into_iter().map(|k| order[k]).collect())
+}
+
+/// The greedy pass: blocks what conflicts with `kept`, then takes the leaf positions of `order` that are free in turn.
+/// Returns their numbers in `order`.
+fn pass<const D: usize>(
+    mut free: Free<'_, D>,
+    kept: impl Iterator<Item = (Point<D>, f64)>,
+    order: impl Iterator<Item = usize>,
+    progress: &Progress,
+) -> Result<Vec<usize>, Error> {
+    for (count, (x, f)) in kept.enumerate() {
         if count % GRAIN == 0 {
             progress.check()?;
         }
-        let p = positions[i as usize] as usize;
-        if count >= keep.len() {
-            if state[p] == OUT {
-                continue;
-            }
-            selected.push(i);
-            state[p] = OUT;
-        }
-        around(tree, &most, rule, &tree.points()[p], f[i as usize], |q, d_2| {
-            if state[q] == FREE && rule.conflict(d_2, f[i as usize] + weights[q]) {
-                state[q] = OUT;
-            }
-        });
+        free.block(&x, f);
     }
-    Ok(selected)
+    let mut joined = Vec::new();
+    for (k, p) in order.enumerate() {
+        if k % GRAIN == 0 {
+            progress.check()?;
+        }
+        if !free.f[p].is_nan() {
+            let f = std::mem::replace(&mut free.f[p], f64::NAN);
+            free.block(&free.tree.points()[p], f);
+            joined.push(k);
+        }
+    }
+    Ok(joined)
 }
 
 /// Greedy maximal independent set of all points by (rank, index) after `keep`, ascending, `keep` included.

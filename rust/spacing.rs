@@ -21,7 +21,7 @@ use rayon::prelude::*;
 const LEAVES_AT_ONCE: usize = GRAIN / LEAF;
 
 /// Queries walk down the tree together while their box is at most so many times as wide as g at the site that won last.
-const WIDTHS_TOGETHER: f64 = 8.0;
+const WIDTHS_TOGETHER: f64 = 32.0;
 
 /// NN_P at the points of the tree, by original index: the least distance over 0 to another point, infinite where all
 /// points coincide or there is only one.
