@@ -17,6 +17,12 @@ use std::collections::HashSet;
 /// Where candidates are fewer than one in so many points of the tree, they get a tree of their own.
 const FEW: usize = 4;
 
+/// Balls that one thread asks for in one go.
+const ASKED_AT_ONCE: usize = 32;
+
+/// The most balls asked for before their answers are used.
+const LARGEST_BATCH: usize = 512;
+
 /// The edge rule on squared distances and sums f(p) + f(q).
 #[derive(Clone, Copy)]
 struct Rule {
@@ -108,20 +114,31 @@ impl<'a, const D: usize> Free<'a, D> {
         Free { most: tree.node_max(&f), tree, rule, f }
     }
 
-    /// Takes out what conflicts with x.
-    fn block(&mut self, x: &Point<D>, f: f64) {
-        let (tree, rule, most) = (self.tree, self.rule, &self.most);
-        let (free, points) = (&mut self.f, tree.points());
-        tree.descend(
-            |node| may_conflict(tree, rule, node, x, f + most[node]),
+    /// Leaf positions of the free candidates that conflict with x.
+    fn conflicts(&self, x: &Point<D>, f: f64, found: &mut Vec<u32>) {
+        self.tree.descend(
+            |node| may_conflict(self.tree, self.rule, node, x, f + self.most[node]),
             |range| {
-                for (q, free) in points[range.clone()].iter().zip(&mut free[range]) {
-                    if rule.conflict(distance_2(q, x), f + *free) {
-                        *free = f64::NAN;
+                for q in range {
+                    if self.rule.conflict(distance_2(&self.tree.points()[q], x), f + self.f[q]) {
+                        found.push(q as u32);
                     }
                 }
             },
         );
+    }
+
+    /// The conflicts of several at once: for each of `asked` the end of its run in the list of its chunk.
+    fn all_conflicts(&self, asked: &[(Point<D>, f64)]) -> Vec<(Vec<u32>, Vec<usize>)> {
+        let chunk = |asked: &[(Point<D>, f64)]| {
+            let (mut found, mut ends) = (Vec::with_capacity(16 * asked.len()), Vec::with_capacity(asked.len()));
+            for (x, f) in asked {
+                self.conflicts(x, *f, &mut found);
+                ends.push(found.len());
+            }
+            (found, ends)
+        };
+        asked.par_chunks(ASKED_AT_ONCE).map(chunk).collect()
     }
 }
 
@@ -142,7 +159,7 @@ pub fn greedy<const D: usize>(
     let positions = tree.positions();
     let position = |i: &u32| positions[*i as usize] as usize;
     let point = |i: &u32| tree.points()[position(i)];
-    let kept = keep.iter().map(|i| (point(i), f[*i as usize]));
+    let kept: Vec<(Point<D>, f64)> = keep.iter().map(|i| (point(i), f[*i as usize])).collect();
     let joined = if order.len() * FEW < tree.len() {
         let points: Vec<Point<D>> = order.iter().map(point).collect();
         let own = KdTree::new(&points);
@@ -150,41 +167,66 @@ pub fn greedy<const D: usize>(
         let weight = |i: &u32| if is_kept.contains(i) { f64::NAN } else { f[*i as usize] };
         let weights = own.order().iter().map(|&k| weight(&order[k as usize])).collect();
         let free = Free::new(&own, Rule::new(beta), weights);
-        pass(free, kept, own.positions().iter().map(|&p| p as usize), progress)?
+        pass(free, &kept, own.positions(), progress)?
     } else {
         let mut weights = vec![f64::NAN; tree.len()];
         order.iter().for_each(|i| weights[position(i)] = f[*i as usize]);
         keep.iter().for_each(|i| weights[position(i)] = f64::NAN);
         let free = Free::new(tree, Rule::new(beta), weights);
-        pass(free, kept, order.iter().map(position), progress)?
+        pass(free, &kept, &order.iter().map(|&i| positions[i as usize]).collect::<Vec<_>>(), progress)?
     };
     Ok(joined.into_iter().map(|k| order[k]).collect())
 }
 
 /// The greedy pass: blocks what conflicts with `kept`, then takes the leaf positions of `order` that are free in turn.
 /// Returns their numbers in `order`.
+///
+/// The balls are asked for in parallel, a batch of candidates at a time, and blocked in order: an answer is wasted where
+/// the candidate is blocked by an earlier one of its batch, and batches are as large as that stays rare. The result is
+/// the sequential one.
 fn pass<const D: usize>(
     mut free: Free<'_, D>,
-    kept: impl Iterator<Item = (Point<D>, f64)>,
-    order: impl Iterator<Item = usize>,
+    kept: &[(Point<D>, f64)],
+    order: &[u32],
     progress: &Progress,
 ) -> Result<Vec<usize>, Error> {
-    for (count, (x, f)) in kept.enumerate() {
-        if count % GRAIN == 0 {
-            progress.check()?;
+    for kept in kept.chunks(LARGEST_BATCH) {
+        progress.check()?;
+        for (blocked, _) in free.all_conflicts(kept) {
+            blocked.iter().for_each(|&q| free.f[q as usize] = f64::NAN);
         }
-        free.block(&x, f);
     }
     let mut joined = Vec::new();
-    for (k, p) in order.enumerate() {
-        if k % GRAIN == 0 {
-            progress.check()?;
+    let (mut next, mut batch) = (0, 1);
+    let (mut members, mut asked) = (Vec::new(), Vec::new());
+    while next < order.len() {
+        progress.check()?;
+        members.clear();
+        asked.clear();
+        while next < order.len() && members.len() < batch {
+            let p = order[next] as usize;
+            if !free.f[p].is_nan() {
+                members.push(next);
+                asked.push((free.tree.points()[p], free.f[p]));
+            }
+            next += 1;
         }
-        if !free.f[p].is_nan() {
-            let f = std::mem::replace(&mut free.f[p], f64::NAN);
-            free.block(&free.tree.points()[p], f);
-            joined.push(k);
+        let before = joined.len();
+        let answers = free.all_conflicts(&asked);
+        for (members, (blocked, ends)) in members.chunks(ASKED_AT_ONCE).zip(&answers) {
+            let mut start = 0;
+            for (&k, &end) in members.iter().zip(ends) {
+                let p = order[k] as usize;
+                if !free.f[p].is_nan() {
+                    free.f[p] = f64::NAN;
+                    blocked[start..end].iter().for_each(|&q| free.f[q as usize] = f64::NAN);
+                    joined.push(k);
+                }
+                start = end;
+            }
         }
+        let wasted = members.len() - (joined.len() - before);
+        batch = if 8 * wasted > members.len() { batch / 2 } else { 2 * batch }.clamp(1, LARGEST_BATCH);
     }
     Ok(joined)
 }

@@ -109,3 +109,33 @@ fn both_sides_of_a_slit_stay_together() {
     let joined = greedy(&KdTree::new(&points), &[1.0; 3], 2.0, &[0, 1, 2], &[], &progress);
     assert_eq!(joined, Ok(vec![0, 1]));
 }
+
+#[test]
+fn the_set_is_the_sequential_one_whatever_the_number_of_threads() {
+    let n = 20_000u32;
+    let points: Vec<Point<2>> = (0..n).map(|i| [f64::from(i * 7919 % n), f64::from(i * 104_729 % n)]).collect();
+    let f: Vec<f64> = points.iter().map(|p| 150.0 + 0.1 * p[0]).collect();
+    let order: Vec<u32> = (0..n).map(|i| i * 3_571 % n).collect();
+    let tree = KdTree::new(&points);
+    let joined = |threads, order: &[u32], keep: &[u32]| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| greedy(&tree, &f, 2.0, order, keep, &Progress::default()).expect("nobody stops it"))
+    };
+    let all = joined(1, &order, &[]);
+    assert_eq!(joined(3, &order, &[]), all);
+
+    let mut blocked = vec![false; n as usize];
+    let mut sequential = Vec::new();
+    for &i in &order {
+        if !blocked[i as usize] {
+            sequential.push(i);
+            (0..n as usize).for_each(|j| blocked[j] |= conflict(&points, &f, 2.0, i as usize, j));
+        }
+    }
+    assert_eq!(all, sequential);
+    // few candidates have a tree of their own; what is kept is no candidate again
+    let few: Vec<u32> = order[..3000].to_vec();
+    let keep = &all[..200];
+    let rest: Vec<u32> = few.iter().copied().filter(|i| !keep.contains(i)).collect();
+    assert_eq!(joined(2, &few, keep), joined(1, &rest, keep));
+}
