@@ -10,6 +10,7 @@
 //! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
 
 use crate::domain::{Domain, FacetRow};
+use crate::drop::Dropped;
 use crate::error::Error;
 use crate::guard::{Guard, Scene, better};
 use crate::kdtree::KdTree;
@@ -36,6 +37,17 @@ pub enum Method {
     Threshold,
     /// Independent sets of the edge skeleton: the baseline of Table 2.
     Mis,
+}
+
+/// On which levels features of the domain under the spacing are dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Drop {
+    /// On none.
+    Never,
+    /// On all.
+    Always,
+    /// Where keeping them takes less than a quarter of the cells away.
+    Auto,
 }
 
 /// What a hierarchy is made from.
@@ -67,6 +79,8 @@ pub struct Options {
     pub rules: Rules,
     /// Whether the spacing is held under the gaps of the domain.
     pub keep: bool,
+    /// Whether features under the spacing are dropped.
+    pub drop: Drop,
     /// Bound of the quality guard in radians.
     pub min_angle: Option<f64>,
     /// Whether coarse levels draw from pools.
@@ -107,10 +121,12 @@ pub struct Level {
     pub spacing: Vec<f64>,
     /// Candidates looked at to make it (its pool's share included).
     pub visits: usize,
+    /// What was dropped of the domain, where features may be.
+    pub dropped: Option<Dropped>,
 }
 
-struct Pool<'a> {
-    candidates: Candidates<'a>,
+pub(crate) struct Pool<'a> {
+    pub(crate) candidates: Candidates<'a>,
     /// Candidate of the finest pool, by candidate of this one.
     members: Vec<u32>,
     /// f at the candidates, of the one level that draws from this pool; empty in the finest, which serves several.
@@ -119,8 +135,8 @@ struct Pool<'a> {
     visits: usize,
 }
 
-struct Chosen {
-    choice: Choice,
+pub(crate) struct Chosen {
+    pub(crate) choice: Choice,
     /// f by candidate.
     f: Vec<f64>,
     /// Places of the interior candidates.
@@ -128,7 +144,7 @@ struct Chosen {
     pool: usize,
 }
 
-enum Spacing<'a> {
+pub(crate) enum Spacing<'a> {
     Function(CoarseSpacing<'a, 2>),
     /// g, and what the gaps of the domain hold it under, at the candidates of the finest pool.
     Threshold {
@@ -138,19 +154,21 @@ enum Spacing<'a> {
 }
 
 /// All that stays the same from level to level.
-struct Builder<'a> {
-    input: &'a Input<'a>,
-    options: Options,
-    progress: &'a Progress,
-    domain: Domain,
+pub(crate) struct Builder<'a> {
+    pub(crate) input: &'a Input<'a>,
+    pub(crate) options: Options,
+    pub(crate) progress: &'a Progress,
+    pub(crate) domain: &'a Domain,
     spacing: Spacing<'a>,
     /// Levels between a pool and the level that draws from it.
     lag: usize,
     euler: i64,
-    pools: Vec<Pool<'a>>,
+    pub(crate) pools: Vec<Pool<'a>>,
+    /// Interior nodes that every pool has, by node; empty where there are none.
+    pub(crate) forced: Vec<bool>,
     /// Candidate of a node in the pool at hand.
-    candidate_of: Vec<u32>,
-    at_hand: usize,
+    pub(crate) candidate_of: Vec<u32>,
+    pub(crate) at_hand: usize,
 }
 
 /// The coarser levels, finest first, why they end, and g at the nodes of the input.
@@ -180,56 +198,35 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         cap.resize(nodes.len(), f64::INFINITY);
         cap
     });
-    let spacing = match options.method {
-        Method::Function | Method::Mis => {
-            Spacing::Function(CoarseSpacing::new(&tree, &g, cap.as_deref(), options.rules.gradation))
-        }
-        Method::Threshold => {
-            let free = vec![f64::INFINITY; g.len()];
-            let held = match &cap {
-                Some(_) => CoarseSpacing::new(&tree, &free, cap.as_deref(), options.rules.gradation)
-                    .at_points(1.0, progress)?,
-                None => free,
+    let base = Base { input, options, progress, domain: &domain, tree: &tree, points: &points, nodes: &nodes, g: &g };
+    let mut builder = base.builder(cap.as_deref())?;
+    let (mut levels, mut stopped) = match options.drop {
+        Drop::Never => {
+            let (depth, stopped) = match options.levels {
+                Some(levels) => (levels, Stopped::Levels),
+                None => builder.depth()?,
             };
-            Spacing::Threshold { g, held }
+            (builder.levels(depth, Choice::default())?, stopped)
+        }
+        Drop::Always => {
+            let depth = options.levels.map_or_else(|| builder.drop_depth(), Ok)?;
+            (builder.drop_levels(1, depth)?.0, Stopped::Levels)
+        }
+        Drop::Auto => {
+            let (last, is_enough) = builder.last_worth_keeping()?;
+            let mut plain = base.builder(None)?;
+            let depth = match options.levels {
+                Some(levels) => levels,
+                None if is_enough => last,
+                None => plain.drop_depth()?.max(last + 1),
+            };
+            let (dropped, seeds) = plain.drop_levels(last + 1, depth)?;
+            builder.force(&seeds.interior);
+            let mut levels = builder.levels(last, seeds)?;
+            levels.extend(dropped);
+            (levels, Stopped::Levels)
         }
     };
-    let boundary = input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).count() as i64;
-    let cells = input.cells.len() as i64;
-    let members = (0..nodes.len() as u32).collect();
-    let pool = Pool {
-        candidates: Candidates { tree: Cow::Borrowed(&tree), points, nodes },
-        members,
-        f: Vec::new(),
-        visits: 0,
-    };
-    let mut builder = Builder {
-        lag: (4f64.ln() / options.factor.ln()).ceil().clamp(1.0, 64.0) as usize,
-        euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
-        candidate_of: vec![NONE; input.points.len()],
-        at_hand: usize::MAX,
-        pools: vec![pool],
-        input,
-        options,
-        progress,
-        domain,
-        spacing,
-    };
-    let (depth, mut stopped) = match options.levels {
-        Some(levels) => (levels, Stopped::Levels),
-        None => builder.depth()?,
-    };
-    let mut levels = Vec::new();
-    let mut seeds = Choice::default();
-    for i in (1..=depth).rev() {
-        if !options.nested {
-            seeds = Choice::default();
-        }
-        let (level, choice) = builder.level(i, &seeds)?;
-        seeds = choice;
-        levels.push(level);
-    }
-    levels.reverse();
     if options.levels.is_none()
         && let Some(first) = levels.iter().position(|level| level.mesh.cells.len() <= options.coarsest)
     {
@@ -237,6 +234,57 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         stopped = Stopped::Coarsest;
     }
     Ok((levels, stopped, finest))
+}
+
+/// What all builders of a hierarchy share.
+struct Base<'a> {
+    input: &'a Input<'a>,
+    options: Options,
+    progress: &'a Progress,
+    domain: &'a Domain,
+    /// All candidates.
+    tree: &'a KdTree<2>,
+    points: &'a [Point<2>],
+    nodes: &'a [u32],
+    /// Spacing of the input at them.
+    g: &'a [f64],
+}
+
+impl<'a> Base<'a> {
+    /// A builder whose spacing is held under a cap.
+    fn builder(&self, cap: Option<&[f64]>) -> Result<Builder<'a>, Error> {
+        let gradation = self.options.rules.gradation;
+        let spacing = match self.options.method {
+            Method::Function | Method::Mis => Spacing::Function(CoarseSpacing::new(self.tree, self.g, cap, gradation)),
+            Method::Threshold => {
+                let free = vec![f64::INFINITY; self.g.len()];
+                let held = match cap {
+                    Some(_) => CoarseSpacing::new(self.tree, &free, cap, gradation).at_points(1.0, self.progress)?,
+                    None => free,
+                };
+                Spacing::Threshold { g: self.g.to_vec(), held }
+            }
+        };
+        let input = self.input;
+        let boundary = input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).count() as i64;
+        let cells = input.cells.len() as i64;
+        let candidates =
+            Candidates { tree: Cow::Borrowed(self.tree), points: self.points.to_vec(), nodes: self.nodes.to_vec() };
+        let members = (0..self.nodes.len() as u32).collect();
+        Ok(Builder {
+            lag: (4f64.ln() / self.options.factor.ln()).ceil().clamp(1.0, 64.0) as usize,
+            euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
+            candidate_of: vec![NONE; input.points.len()],
+            at_hand: usize::MAX,
+            pools: vec![Pool { candidates, members, f: Vec::new(), visits: 0 }],
+            forced: Vec::new(),
+            input,
+            options: self.options,
+            progress: self.progress,
+            domain: self.domain,
+            spacing,
+        })
+    }
 }
 
 /// Nodes of the candidates: facet vertices, then interior nodes in a spatial order.
@@ -268,12 +316,12 @@ fn spacing_at_nodes(g: &[f64], domain: &Domain, nodes: &[u32], n: usize) -> Vec<
 }
 
 impl Builder<'_> {
-    fn factor(&self, i: usize) -> f64 {
+    pub(crate) fn factor(&self, i: usize) -> f64 {
         self.options.factor.powi(i as i32)
     }
 
     /// f_i at the candidates of a pool.
-    fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
+    pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
         let factor = self.factor(i);
         match &self.spacing {
             Spacing::Function(spacing) => {
@@ -306,10 +354,13 @@ impl Builder<'_> {
             let f = self.spacing_in(level, last)?;
             let finer = self.factor(self.lag);
             let scaled: Vec<f64> = f.iter().map(|value| value / finer).collect();
-            let mut order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
+            let is_forced = |&k: &u32| self.forced.get(last.candidates.nodes[k as usize] as usize) == Some(&true);
+            let (keep, mut order): (Vec<u32>, Vec<u32>) =
+                (facets as u32..last.members.len() as u32).partition(is_forced);
             rank(&mut order, &f);
             let mut chosen =
-                greedy(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
+                greedy(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &keep, self.progress)?;
+            chosen.extend(keep);
             // ascending, so that the spatial order of the finest pool stays
             chosen.sort_unstable();
             let picked: Vec<u32> = (0..facets as u32).chain(chosen).collect();
@@ -322,7 +373,7 @@ impl Builder<'_> {
                 },
                 members: picked.iter().map(|&k| last.members[k as usize]).collect(),
                 f: picked.iter().map(|&k| f[k as usize]).collect(),
-                visits: order.len(),
+                visits: last.members.len() - facets,
             };
             self.pools.push(pool);
         }
@@ -330,7 +381,7 @@ impl Builder<'_> {
     }
 
     /// Number of cells that the triangulation of a choice has, by Euler's formula.
-    fn n_cells(&self, choice: &Choice) -> usize {
+    pub(crate) fn n_cells(&self, choice: &Choice) -> usize {
         let boundary: i64 = choice
             .chords
             .iter()
@@ -338,11 +389,11 @@ impl Builder<'_> {
             .filter(|edge| !edge.interior)
             .map(|edge| edge.sides.iter().filter(|side| side.is_inside()).count() as i64)
             .sum();
-        (2 * (choice.size(&self.domain) as i64 - self.euler) - boundary).max(0) as usize
+        (2 * (choice.size(self.domain) as i64 - self.euler) - boundary).max(0) as usize
     }
 
-    /// Selects the nodes of level i.
-    fn choose(&mut self, i: usize, seeds: &Choice) -> Result<Chosen, Error> {
+    /// Puts the pool of level i at hand: f_i at its candidates, and its number.
+    pub(crate) fn at_hand(&mut self, i: usize) -> Result<(Vec<f64>, usize), Error> {
         self.progress.enter(2, 1)?;
         let p = self.pool_for(i)?;
         let pool = &self.pools[p];
@@ -352,19 +403,46 @@ impl Builder<'_> {
             }
             self.at_hand = p;
         }
-        let mut f = if p > 0 { pool.f.clone() } else { self.spacing_in(i, pool)? };
+        let f = if p > 0 { pool.f.clone() } else { self.spacing_in(i, pool)? };
         self.progress.check()?;
+        Ok((f, p))
+    }
+
+    /// Selects the nodes of level i.
+    pub(crate) fn choose(&mut self, i: usize, seeds: &Choice) -> Result<Chosen, Error> {
+        let (mut f, p) = self.at_hand(i)?;
+        let pool = &self.pools[p];
         let candidate_of = |node: u32| self.candidate_of[node as usize];
         let (choice, places) =
-            select(&self.domain, &pool.candidates, &mut f, seeds, candidate_of, self.options.rules, self.progress)?;
+            select(self.domain, &pool.candidates, &mut f, seeds, candidate_of, self.options.rules, self.progress)?;
         Ok(Chosen { choice, f, places, pool: p })
+    }
+
+    /// Candidates looked at to make level i from a pool: the level that first draws from it bears its cost.
+    pub(crate) fn visits(&self, i: usize, p: usize) -> usize {
+        self.pools[p].candidates.nodes.len() + if p > 0 && i == p + self.lag { self.pools[p].visits } else { 0 }
+    }
+
+    /// Makes levels 1 to `depth`, coarsest first, keeping the nodes of `seeds`; returns the finest first.
+    fn levels(&mut self, depth: usize, mut seeds: Choice) -> Result<Vec<Level>, Error> {
+        let mut levels = Vec::new();
+        for i in (1..=depth).rev() {
+            if !self.options.nested {
+                seeds = Choice::default();
+            }
+            let (level, choice) = self.level(i, &seeds)?;
+            seeds = choice;
+            levels.push(level);
+        }
+        levels.reverse();
+        Ok(levels)
     }
 
     /// Makes level i.
     fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
         let Chosen { mut choice, mut f, places, pool: p } = self.choose(i, seeds)?;
         self.progress.enter(3, 1)?;
-        let mut level = triangulate(&self.domain, self.input.points, &mut choice)?;
+        let mut level = triangulate(self.domain, self.input.points, &mut choice)?;
         let pool = &self.pools[p];
         let facets = self.domain.len() as u32;
         let candidate = |site: u32| match site.checked_sub(facets) {
@@ -375,7 +453,7 @@ impl Builder<'_> {
             self.progress.enter(4, 1)?;
             let seeds: Vec<u32> = seeds.interior.iter().map(|&node| self.candidate_of[node as usize]).collect();
             let scene =
-                Scene { domain: &self.domain, candidates: &pool.candidates, f: &f, places: &places, seeds: &seeds };
+                Scene { domain: self.domain, candidates: &pool.candidates, f: &f, places: &places, seeds: &seeds };
             let rules = self.options.rules;
             let slope = if self.options.method == Method::Threshold { 1.0 } else { rules.gradation };
             let room = (1.0 / self.options.factor).max(0.5);
@@ -386,22 +464,19 @@ impl Builder<'_> {
             lower(&pool.candidates, &mut f, &crowded, self.options.rules.gradation);
             choice.held.extend(crowded.iter().map(|&(k, room)| (pool.candidates.nodes[k as usize], room)));
         }
-        let mesh = assemble(&self.domain, &choice, &level)?;
+        let mesh = assemble(self.domain, &choice, &level)?;
         let mut copies = std::collections::HashMap::new();
         for v in (0..facets).filter(|&v| choice.kept[v as usize]) {
             copies.extend(self.domain.copies(v).iter().map(|&node| (node, v)));
         }
         let candidate = |node: &u32| copies.get(node).copied().unwrap_or_else(|| self.candidate_of[*node as usize]);
         let spacing = mesh.nodes.iter().map(|node| f[candidate(node) as usize]).collect();
-        let visits = pool.candidates.nodes.len() + if p > 0 && i == p + self.lag { pool.visits } else { 0 };
-        Ok((Level { mesh, factor: self.factor(i), spacing, visits }, choice))
+        let visits = self.visits(i, p);
+        Ok((Level { mesh, factor: self.factor(i), spacing, visits, dropped: None }, choice))
     }
 
-    /// The depth of a hierarchy of open depth, and why it ends there.
-    fn depth(&mut self) -> Result<(usize, Stopped), Error> {
-        let coarsest = self.options.coarsest;
-        let mut sizes = vec![self.input.cells.len()];
-        // pools tell roughly where to begin, without a selection on the fine levels
+    /// A depth to begin a search with: pools tell it without a selection on the fine levels.
+    pub(crate) fn roughly(&mut self) -> Result<usize, Error> {
         let mut depth = 1;
         if self.options.pool {
             // a pool of interior nodes holds about C^2m nodes for each of its level
@@ -412,12 +487,20 @@ impl Builder<'_> {
                 let now = self.pools[p].members.len() - facets;
                 let before = self.pools[p.saturating_sub(1)].members.len() - facets;
                 let is_stalled = p > 0 && now as f64 > STALL * before as f64;
-                if now as f64 <= share * coarsest as f64 || is_stalled || depth == MAX_LEVELS {
+                if now as f64 <= share * self.options.coarsest as f64 || is_stalled || depth == MAX_LEVELS {
                     break;
                 }
                 depth += 1;
             }
         }
+        Ok(depth)
+    }
+
+    /// The depth of a hierarchy of open depth, and why it ends there.
+    fn depth(&mut self) -> Result<(usize, Stopped), Error> {
+        let coarsest = self.options.coarsest;
+        let mut sizes = vec![self.input.cells.len()];
+        let mut depth = self.roughly()?;
         let mut size = |builder: &mut Self, i: usize| -> Result<usize, Error> {
             sizes.resize(sizes.len().max(i + 1), usize::MAX);
             if sizes[i] == usize::MAX {

@@ -5,6 +5,7 @@
 //! every level joins the layers' levels.
 
 use crate::domain::FacetRow;
+use crate::drop::Dropped;
 use crate::error::Error;
 use crate::hierarchy::{Hierarchy, Input, Level, Options, STALL, Stopped, hierarchy};
 use crate::level::LevelMesh;
@@ -136,5 +137,10 @@ fn join(parts: Vec<(&Layer, Level)>) -> Level {
     }
     mesh.nodes = nodes.iter().map(|&(node, _)| node).collect();
     let spacing = nodes.into_iter().map(|(_, spacing)| spacing).filter(|spacing| !spacing.is_nan()).collect();
-    Level { mesh, factor, spacing, visits }
+    let dropped = parts.iter().filter_map(|(_, level)| level.dropped).reduce(|a, b| Dropped {
+        loops_closed: a.loops_closed + b.loops_closed,
+        area_gained: a.area_gained + b.area_gained,
+        area_lost: a.area_lost + b.area_lost,
+    });
+    Level { mesh, factor, spacing, visits, dropped }
 }

@@ -188,7 +188,13 @@ pub enum Place {
 }
 
 /// Places of the interior candidates.
-fn near_facets(domain: &Domain, candidates: &Candidates<'_>, f: &[f64], chords: &[Chord], delta: f64) -> Vec<Place> {
+pub fn near_facets(
+    domain: &Domain,
+    candidates: &Candidates<'_>,
+    f: &[f64],
+    chords: &[Chord],
+    delta: f64,
+) -> Vec<Place> {
     let facets = domain.len();
     let mut places = vec![Place::Inside; candidates.nodes.len() - facets];
     let tree: &KdTree<2> = &candidates.tree;

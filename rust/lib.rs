@@ -20,6 +20,7 @@ pub mod selection;
 
 pub mod level;
 
+pub mod drop;
 pub mod guard;
 pub mod hierarchy;
 pub mod layers;

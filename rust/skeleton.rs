@@ -63,6 +63,12 @@ pub fn hierarchy(
         }
         cells = mesh.cells.iter().map(|cell| cell.map(|k| mesh.nodes[k as usize])).collect();
         let visits = edges.len();
-        levels.push(Level { factor: options.factor.powi(levels.len() as i32 + 1), spacing: Vec::new(), visits, mesh });
+        levels.push(Level {
+            factor: options.factor.powi(levels.len() as i32 + 1),
+            spacing: Vec::new(),
+            visits,
+            mesh,
+            dropped: None,
+        });
     }
 }

@@ -151,6 +151,30 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
     Ok(Inside::Cells(out))
 }
 
+/// All cells of the constrained Delaunay triangulation of the convex hull, neighbours across constraints too, and the
+/// constraints that could not be added.
+pub fn hull(points: &[Point<2>], constraints: &[Constraint]) -> Result<(Cells, Vec<u32>), Error> {
+    let mut cdt = insert_all(points)?;
+    let failed = constrain(&mut cdt, constraints.iter().map(|c| c.ends));
+    let mut on_edge = vec![NONE; cdt.num_directed_edges()];
+    for (c, constraint) in constraints.iter().enumerate() {
+        let [a, b] = constraint.ends;
+        let Some(edge) = cdt.get_edge_from_neighbors(vertex(a), vertex(b)) else { continue };
+        on_edge[edge.fix().index()] = 2 * c as u32;
+        on_edge[edge.rev().fix().index()] = 2 * c as u32 + 1;
+    }
+    let mut cell_of = vec![NONE; cdt.num_all_faces()];
+    cdt.inner_faces().zip(0..).for_each(|(face, t)| cell_of[face.fix().index()] = t);
+    let mut out = Cells::default();
+    for face in cdt.inner_faces() {
+        let edges = face.adjacent_edges();
+        out.cells.push(edges.map(|e| e.from().fix().index() as u32));
+        out.constraints.push(edges.map(|e| on_edge[e.fix().index()]));
+        out.neighbours.push(edges.map(|e| cell_of[e.rev().face().fix().index()]));
+    }
+    Ok((out, failed))
+}
+
 type FaceHandle = spade::handles::FixedFaceHandle<spade::handles::InnerTag>;
 
 fn visit(edge: Edge<'_>, cell_of: &mut [u32], faces: &mut Vec<FaceHandle>) -> Result<(), Error> {

@@ -63,12 +63,20 @@ impl Domain {
         }
     }
 
-    /// A closed chain needs three vertices, an open one its ends.
+    /// A closed chain needs three vertices, an open one its ends, and a slit whose sides share both ends one between.
     fn keep_enough(&self, kept: &mut [bool]) {
         for chain in &self.chains {
             if !chain.closed {
+                let last = chain.vertices.len() - 1;
                 kept[chain.vertices[0] as usize] = true;
-                kept[chain.vertices[chain.vertices.len() - 1] as usize] = true;
+                kept[chain.vertices[last] as usize] = true;
+                let ([left, right], [left_end, right_end]) = (chain.edges[0].sides, chain.edges[last - 1].sides);
+                let is_closed_slit =
+                    !chain.edges[0].interior && left.tail == right.tail && left_end.head == right_end.head;
+                if is_closed_slit && !chain.vertices[1..last].iter().any(|&v| kept[v as usize]) {
+                    let middle = chain.arc.partition_point(|&arc| arc < chain.length() / 2.0).clamp(1, last - 1);
+                    kept[chain.vertices[middle] as usize] = true;
+                }
                 continue;
             }
             let mut held: Vec<u32> = chain.vertices.iter().copied().filter(|&v| kept[v as usize]).take(3).collect();
@@ -127,7 +135,7 @@ impl Domain {
     }
 
     /// Chords to be split, ascending.
-    fn offending(&self, chords: &[Chord], kept: &[bool], obstacles: &[Point<2>]) -> Vec<u32> {
+    pub(super) fn offending(&self, chords: &[Chord], kept: &[bool], obstacles: &[Point<2>]) -> Vec<u32> {
         let mut bad = vec![false; chords.len()];
         let splits = |i: u32| chords[i as usize].to > chords[i as usize].from + 1;
         let segments: Vec<Boxed> = (0..chords.len()).map(|i| self.box_of(chords[i].vertices, i as u32)).collect();
@@ -248,14 +256,25 @@ impl Domain {
             if !chain.closed || bad[range.clone()].iter().any(|&b| b) {
                 continue;
             }
-            let chord_area = self.area_2(run.iter().map(|chord| chord.vertices[0]));
-            let chain_area = self.area_2(chain.vertices.iter().copied());
-            if (chord_area > 0.0) != (chain_area > 0.0) {
+            if self.is_flipped(run) {
                 let widest =
                     range.max_by(|&i, &j| chords[i].deviation_2.total_cmp(&chords[j].deviation_2).then(j.cmp(&i)));
                 widest.into_iter().filter(|&i| chords[i].to > chords[i].from + 1).for_each(|i| bad[i] = true);
             }
         }
+    }
+
+    /// Whether the chords of a closed chain are all there and run the other way round than the chain.
+    pub(super) fn is_flipped(&self, chords: &[Chord]) -> bool {
+        let chain = &self.chains[chords[0].chain as usize];
+        let round = chords[0].from + chain.vertices.len() as u32;
+        let whole = chords.windows(2).all(|pair| pair[0].to == pair[1].from) && chords[chords.len() - 1].to == round;
+        if !chain.closed || !whole {
+            return false;
+        }
+        let chord_area = self.area_2(chords.iter().map(|chord| chord.vertices[0]));
+        let chain_area = self.area_2(chain.vertices.iter().copied());
+        (chord_area > 0.0) != (chain_area > 0.0)
     }
 
     /// Twice the signed area of a loop of vertices, measured from its first.

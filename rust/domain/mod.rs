@@ -17,8 +17,11 @@
 
 mod chords;
 mod gap;
+mod loose;
+mod sight;
 
 pub use chords::Chord;
+pub use sight::Sight;
 
 use crate::error::Error;
 use crate::point::{NONE, Point, distance, orient};

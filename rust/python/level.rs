@@ -3,7 +3,7 @@
 use super::run::run;
 use crate::domain::FacetRow;
 use crate::error::Error;
-use crate::hierarchy::{Input, Level, Method, Options, Stopped, hierarchy};
+use crate::hierarchy::{Drop, Input, Level, Method, Options, Stopped, hierarchy};
 use crate::layers::hierarchy_in_layers;
 use crate::level::Rules;
 use crate::line::{self, LineLevel};
@@ -89,9 +89,14 @@ impl PyOptions {
                 beta: self.beta,
                 delta: self.delta,
                 gradation: self.gradation,
-                hold: self.features != "plain",
+                hold: matches!(self.features.as_str(), "keep" | "auto"),
             },
-            keep: self.features != "plain",
+            keep: matches!(self.features.as_str(), "keep" | "auto"),
+            drop: match self.features.as_str() {
+                "drop" => Drop::Always,
+                "auto" => Drop::Auto,
+                _ => Drop::Never,
+            },
             min_angle: self
                 .min_angle
                 .or((self.features != "plain").then_some(MIN_ANGLE))
@@ -220,6 +225,13 @@ fn wrap<'py>(py: Python<'py>, level: Level) -> PyResult<Bound<'py, PyDict>> {
     out.set_item("factor", level.factor)?;
     out.set_item("spacing", level.spacing.into_pyarray(py))?;
     out.set_item("visits", level.visits)?;
+    if let Some(dropped) = level.dropped {
+        let what = PyDict::new(py);
+        what.set_item("loops_closed", dropped.loops_closed)?;
+        what.set_item("area_gained", dropped.area_gained)?;
+        what.set_item("area_lost", dropped.area_lost)?;
+        out.set_item("dropped", what)?;
+    }
     Ok(out)
 }
 

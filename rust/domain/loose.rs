@@ -1,0 +1,110 @@
+//! Chords and corners where the domain need not be kept in all its features.
+//!
+//! Instead of putting vertices back (see `chords`), chords that would make an invalid domain are given up: those that
+//! cross another, that have a kept point between them and their piece of chain, or whose piece changes its kind.
+
+use super::{Chain, Chord, Domain};
+use crate::point::{Point, distance};
+
+impl Domain {
+    /// The valid ones among the chords of the kept vertices. `obstacles` are kept points that are no facet vertices.
+    pub fn valid_chords(&self, kept: &[bool], obstacles: &[Point<2>]) -> Vec<Chord> {
+        let mut chords = self.chords(kept);
+        chords.retain(|chord| chord.vertices[0] != chord.vertices[1] && self.is_uniform(chord));
+        self.drop_flat(&mut chords);
+        loop {
+            let bad = self.offending(&chords, kept, obstacles);
+            if bad.is_empty() {
+                return chords;
+            }
+            let mut bad = bad.into_iter().peekable();
+            let mut at = 0;
+            chords.retain(|_| {
+                at += 1;
+                bad.next_if_eq(&(at - 1)).is_none()
+            });
+        }
+    }
+
+    /// Whether the piece of chain is of one kind: boundary, slit or interface, with cells on the same sides.
+    fn is_uniform(&self, chord: &Chord) -> bool {
+        let chain = &self.chains[chord.chain as usize];
+        let kind = |k: u32| {
+            let edge = chain.edge(k);
+            (edge.interior, edge.sides.map(|side| side.is_inside()), edge.sides.map(|side| side.cell_tag))
+        };
+        (chord.from + 1..chord.to).all(|k| kind(k) == kind(chord.from))
+    }
+
+    /// Takes out the chords of closed chains with only two kept vertices or turned the other way round.
+    fn drop_flat(&self, chords: &mut Vec<Chord>) {
+        let mut out: Vec<Chord> = Vec::with_capacity(chords.len());
+        for run in chords.chunk_by(|a, b| a.chain == b.chain) {
+            let flat = self.chains[run[0].chain as usize].closed && run.len() < 3;
+            if !flat && !self.is_flipped(run) {
+                out.extend(run);
+            }
+        }
+        *chords = out;
+    }
+
+    /// Whether the boundary bends by more than the feature angle when looked at with steps of length `reach`: minus the
+    /// cosine of the bend where it does (greater is sharper). Junctions and changes of attributes count as right angles.
+    pub fn stands_out(&self, v: u32, reach: f64, cos_feature: f64) -> Option<f64> {
+        let (c, k) = self.place[v as usize];
+        let chain = &self.chains[c as usize];
+        let arc = chain.arc[k as usize];
+        let fixed = self.fixed[v as usize].then_some(0.0);
+        if self.ends.contains_key(&v) {
+            return fixed;
+        }
+        if 2.0 * reach > chain.length() {
+            return None;
+        }
+        let p = &self.points[v as usize];
+        let (a, b) = (self.point_along(chain, arc - reach), self.point_along(chain, arc + reach));
+        let (da, db) = (distance(&a, p), distance(p, &b));
+        let cosine = ((p[0] - a[0]) * (b[0] - p[0]) + (p[1] - a[1]) * (b[1] - p[1])) / (da * db);
+        if cosine < cos_feature { Some((-cosine).max(fixed.unwrap_or(-1.0))) } else { fixed }
+    }
+
+    /// The point of a chain at an arc length, which runs on around a closed chain and stops at the ends of an open one.
+    fn point_along(&self, chain: &Chain, arc: f64) -> Point<2> {
+        let arc = if chain.closed { arc.rem_euclid(chain.length()) } else { arc.clamp(0.0, chain.length()) };
+        let k = chain.arc.partition_point(|&a| a <= arc).clamp(1, chain.edges.len()) - 1;
+        let [a, b] = chain.edges[k].vertices.map(|v| self.points[v as usize]);
+        let t = (arc - chain.arc[k]) / (chain.arc[k + 1] - chain.arc[k]);
+        [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]
+    }
+
+    /// Where a vertex lies: chain and position, for each chain that it is on.
+    pub fn places(&self, v: u32) -> Vec<(u32, u32)> {
+        let at_end = |&(c, at_end): &(u32, bool)| {
+            (c, if at_end { self.chains[c as usize].vertices.len() as u32 - 1 } else { 0 })
+        };
+        self.ends.get(&v).map_or_else(|| vec![self.place[v as usize]], |ends| ends.iter().map(at_end).collect())
+    }
+
+    /// Area between a chord and its piece of chain, where the chain lies left and where it lies right of the chord.
+    pub fn strips(&self, chord: &Chord) -> [f64; 2] {
+        let [a, b] = chord.vertices.map(|v| self.points[v as usize]);
+        let length = distance(&a, &b);
+        let (ux, uy) = ((b[0] - a[0]) / length, (b[1] - a[1]) / length);
+        let (mut left, mut right) = (0.0, 0.0);
+        let mut last = (0.0, 0.0);
+        for v in self.piece(chord).skip(1) {
+            let p = self.points[v as usize];
+            let (s, h) = ((p[0] - a[0]) * ux + (p[1] - a[1]) * uy, (p[1] - a[1]) * ux - (p[0] - a[0]) * uy);
+            let step = s - last.0;
+            let mean = |from: f64, to: f64| {
+                let (f, t) = (from.max(0.0), to.max(0.0));
+                let share = if (from > 0.0) == (to > 0.0) { 1.0 } else { (f - t).abs() / (from - to).abs() };
+                step * share * (f + t) / 2.0
+            };
+            left += mean(last.1, h);
+            right += mean(-last.1, -h);
+            last = (s, h);
+        }
+        [left.max(0.0), right.max(0.0)]
+    }
+}

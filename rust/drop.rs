@@ -1,0 +1,250 @@
+//! Levels of a simplified domain (`features = "drop"`): what is smaller than the spacing is closed or cut off.
+//!
+//! Nodes are selected as in Figure 2, but none is forced: facet vertices that stand out at the scale of f come first,
+//! then the others, all under the conflict rule, and no vertex is put back. Chords that would be no valid domain are
+//! given up instead. The cells of the constrained Delaunay triangulation of what is kept are inside where valid chords
+//! say so; elsewhere most of their sample points (centroid and three towards the corners) must lie in the input
+//! mesh. Then slivers are peeled off the rim.
+//!
+//! Selection goes from coarse to fine, as in Figure 3. A node that ends in no cell is taken out, of this level and of all
+//! coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
+
+mod assemble;
+mod levels;
+mod mend;
+mod trim;
+
+use crate::domain::{Chord, Domain, Sight};
+use crate::error::Error;
+use crate::hierarchy::Input;
+use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, near_facets, rank};
+use crate::point::{NONE, Point};
+use crate::progress::Progress;
+use crate::selection::greedy;
+use std::collections::HashMap;
+
+pub use assemble::Dropped;
+
+/// Smallest angle of a cell that is left on the rim, in degrees.
+const RIM_ANGLE_DEG: f64 = 15.0;
+
+/// Triangulations of one level at most: each but the last takes out nodes that end in no cell.
+const MOST_ROUNDS: usize = 12;
+
+/// Selects a level's nodes among the candidates, keeping `seeds` (see [`crate::level::select`]).
+pub fn select(
+    domain: &Domain,
+    candidates: &Candidates<'_>,
+    f: &[f64],
+    seeds: &Choice,
+    candidate_of: impl Fn(u32) -> u32,
+    (rules, cos_feature): (Rules, f64),
+    progress: &Progress,
+) -> Result<Choice, Error> {
+    let facets = domain.len();
+    let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
+    let mut kept = if seeds.kept.is_empty() { vec![false; facets] } else { seeds.kept.clone() };
+    let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
+    keep.extend(&seeded);
+    let (mut corners, mut order) = (Vec::new(), Vec::new());
+    for v in (0..facets as u32).filter(|&v| !kept[v as usize]) {
+        match domain.stands_out(v, f[v as usize], cos_feature) {
+            Some(sharpness) => corners.push((sharpness, v)),
+            None => order.push(v),
+        }
+    }
+    corners.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    rank(&mut order, f);
+    let order: Vec<u32> = corners.into_iter().map(|(_, v)| v).chain(order).collect();
+    for v in greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)? {
+        kept[v as usize] = true;
+    }
+    let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
+    let chords = domain.valid_chords(&kept, &obstacles);
+
+    let places = near_facets(domain, candidates, f, &chords, rules.delta);
+    let mut is_seed = vec![false; candidates.nodes.len() - facets];
+    seeded.iter().for_each(|&k| is_seed[k as usize - facets] = true);
+    let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
+    keep.extend(&seeded);
+    let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
+    let mut order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
+    rank(&mut order, f);
+    let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
+    let mut interior = seeds.interior.clone();
+    interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
+    Ok(Choice { kept, interior, chords, held: Vec::new() })
+}
+
+/// The input as the settling of levels sees it.
+pub struct Ground<'a> {
+    domain: &'a Domain,
+    input: &'a Input<'a>,
+    sight: Sight<'a>,
+    /// For each node an eye: a cell that has it.
+    home: Vec<u32>,
+    /// Tag of every cell, empty where all have `tag`.
+    tags: Vec<i64>,
+    tag: i64,
+    /// Facet vertex of a node.
+    vertex_of: HashMap<u32, u32>,
+    /// Facet edges at each facet vertex.
+    degree: Vec<u32>,
+    area: f64,
+    loops: usize,
+}
+
+impl<'a> Ground<'a> {
+    /// Runtime: O(m), O(m log m) where there are several tags.
+    pub fn new(domain: &'a Domain, input: &'a Input<'a>) -> Ground<'a> {
+        let mut home = vec![NONE; input.points.len()];
+        for (t, cell) in input.cells.iter().enumerate() {
+            cell.iter().for_each(|&node| home[node as usize] = t as u32);
+        }
+        let mut degree = vec![0; domain.len()];
+        for chain in &domain.chains {
+            chain.edges.iter().for_each(|edge| edge.vertices.iter().for_each(|&v| degree[v as usize] += 1));
+        }
+        let boundary: Vec<[u32; 2]> =
+            input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).map(|facet| facet.nodes).collect();
+        let (tag, tags) = cell_tags(input);
+        Ground {
+            sight: Sight::new(domain),
+            vertex_of: (0..domain.len() as u32)
+                .flat_map(|v| domain.copies(v).iter().map(move |&node| (node, v)))
+                .collect(),
+            home,
+            tags,
+            tag,
+            degree,
+            area: input.cells.iter().map(|cell| area(&cell.map(|i| input.points[i as usize]))).sum(),
+            loops: assemble::loops(&boundary),
+            domain,
+            input,
+        }
+    }
+
+    /// A point inside the mesh near a node, and the tag there.
+    fn eye(&self, node: u32) -> (Point<2>, i64) {
+        let t = self.home[node as usize] as usize;
+        let corners = self.input.cells[t].map(|i| self.input.points[i as usize]);
+        (centroid(&corners), self.tags.get(t).copied().unwrap_or(self.tag))
+    }
+
+    /// Makes the mesh of a choice from nodes that `allowed` admits, and takes out of the choice what is not in it.
+    pub fn settle(&self, choice: &mut Choice, allowed: Option<&[bool]>) -> Result<Option<(LevelMesh, Dropped)>, Error> {
+        let is_allowed = |node: u32| allowed.is_none_or(|allowed| allowed[node as usize]);
+        choice.interior.retain(|&node| is_allowed(node));
+        for v in 0..self.domain.len() as u32 {
+            choice.kept[v as usize] &= self.domain.copies(v).iter().any(|&node| is_allowed(node));
+        }
+        let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
+        for _ in 0..MOST_ROUNDS {
+            let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
+            choice.chords = self.domain.valid_chords(&choice.kept, &obstacles);
+            let Some(mut cells) = self.triangulate(choice)? else { break };
+            cells.peel(RIM_ANGLE_DEG);
+            cells.drop_crumbs();
+            let victims = cells.victims(RIM_ANGLE_DEG, |_| 0);
+            let shape = cells.shape(RIM_ANGLE_DEG);
+            let mut next = choice.clone();
+            let is_last = !self.take_out(&mut next, &cells, &victims);
+            if best.as_ref().is_none_or(|(old, ..)| shape.0 < old.0 || (shape.0 == old.0 && shape.1 >= old.1)) {
+                best = Some((shape, std::mem::replace(choice, next), cells));
+            } else {
+                *choice = next;
+            }
+            if is_last {
+                break;
+            }
+        }
+        let Some((_, settled, cells)) = best else { return Ok(None) };
+        let made = self.assemble(&settled, &cells, is_allowed)?;
+        *choice = settled;
+        self.take_out(choice, &cells, &[]);
+        Ok(Some(made))
+    }
+
+    /// Takes nodes without a cell, and other sites, out of a choice; whether there were any.
+    fn take_out(&self, choice: &mut Choice, cells: &trim::Trimmed, victims: &[u32]) -> bool {
+        let mut used = vec![false; cells.sites.len()];
+        cells.alive().for_each(|t| cells.cells.cells[t].iter().for_each(|&s| used[s as usize] = true));
+        victims.iter().for_each(|&s| used[s as usize] = false);
+        let facets = self.domain.len() as u32;
+        let mut lost = std::collections::HashSet::new();
+        for (&site, _) in cells.sites.iter().zip(&used).filter(|&(_, &used)| !used) {
+            match site.checked_sub(facets) {
+                Some(node) => {
+                    lost.insert(node);
+                }
+                None => choice.kept[site as usize] = false,
+            }
+        }
+        choice.interior.retain(|node| !lost.contains(node));
+        used.iter().any(|&used| !used)
+    }
+}
+
+fn centroid([a, b, c]: &[Point<2>; 3]) -> Point<2> {
+    [(a[0] + b[0] + c[0]) / 3.0, (a[1] + b[1] + c[1]) / 3.0]
+}
+
+fn area([a, b, c]: &[Point<2>; 3]) -> f64 {
+    ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0
+}
+
+/// The one tag of all cells, or a tag for each: from the facets, flooded up to the next facet.
+fn cell_tags(input: &Input<'_>) -> (i64, Vec<i64>) {
+    let known = input.facets.iter().flat_map(|facet| [Some(facet.cell_tags.0), facet.cell_tags.1]).flatten();
+    let first = input.facets.first().map_or(0, |facet| facet.cell_tags.0);
+    if known.clone().all(|tag| tag == first) {
+        return (first, Vec::new());
+    }
+    let mut beside: HashMap<[u32; 2], i64> = HashMap::new();
+    for facet in input.facets {
+        let [a, b] = facet.nodes;
+        beside.insert([a, b], facet.cell_tags.0);
+        if let Some(tag) = facet.cell_tags.1 {
+            beside.insert([b, a], tag);
+        }
+    }
+    let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * input.cells.len());
+    let mut tags = vec![None; input.cells.len()];
+    let mut stack = Vec::new();
+    for (t, cell) in input.cells.iter().enumerate() {
+        for k in 0..3 {
+            let [a, b] = [cell[k], cell[(k + 1) % 3]];
+            match beside.get(&[a, b]) {
+                Some(&tag) if tags[t].is_none() => {
+                    tags[t] = Some(tag);
+                    stack.push(t as u32);
+                }
+                Some(_) => {}
+                None => edges.push(([a.min(b), a.max(b)], t as u32)),
+            }
+        }
+    }
+    edges.sort_unstable();
+    let mut around: Vec<[u32; 3]> = vec![[NONE; 3]; input.cells.len()];
+    for pair in edges.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() == 2) {
+        for (t, other) in [(pair[0].1, pair[1].1), (pair[1].1, pair[0].1)] {
+            if let Some(free) = around[t as usize].iter_mut().find(|n| **n == NONE) {
+                *free = other;
+            }
+        }
+    }
+    while let Some(t) = stack.pop() {
+        for &n in around[t as usize].iter().filter(|&&n| n != NONE) {
+            if tags[n as usize].is_none() {
+                tags[n as usize] = tags[t as usize];
+                stack.push(n);
+            }
+        }
+    }
+    (first, tags.into_iter().map(|tag| tag.unwrap_or(first)).collect())
+}
+
+/// Which side of a chord has cells in the input.
+fn sides(domain: &Domain, chord: &Chord) -> [bool; 2] {
+    domain.chains[chord.chain as usize].edge(chord.from).sides.map(|side| side.is_inside())
+}

@@ -1,0 +1,310 @@
+//! The cells of a level among all of a triangulation: which lie inside, and what is peeled off.
+
+use super::{Ground, area, centroid, sides};
+use crate::error::Error;
+use crate::level::Choice;
+use crate::point::{NONE, Point};
+use crate::triangulation::{Cells, Constraint, hull, sort_spatially};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// A part of fewer cells than this is dropped where there is a larger one.
+const CRUMB: usize = 4;
+
+/// All cells of a triangulation, and which of them belong to the level.
+pub struct Trimmed {
+    /// Facet vertices (as they are) and interior nodes (offset by the number of facet vertices).
+    pub sites: Vec<u32>,
+    /// Their coordinates.
+    pub points: Vec<Point<2>>,
+    /// All cells of the convex hull, corners as sites.
+    pub cells: Cells,
+    /// Tag of each cell of the level, `None` for the others.
+    pub label: Vec<Option<i64>>,
+    /// Whether cells on both sides of a constraint end at it.
+    is_slit: Vec<bool>,
+    /// Smallest angle of each cell in degrees.
+    pub angle: Vec<f64>,
+}
+
+impl Ground<'_> {
+    /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all.
+    pub fn triangulate(&self, choice: &Choice) -> Result<Option<Trimmed>, Error> {
+        let domain = self.domain;
+        let facets = domain.len() as u32;
+        let mut sites: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
+        sites.extend(choice.interior.iter().map(|&node| facets + node));
+        let place =
+            |s: u32| if s < facets { domain.points[s as usize] } else { self.input.points[(s - facets) as usize] };
+        sort_spatially(&mut sites, place);
+        let points: Vec<Point<2>> = sites.iter().map(|&s| place(s)).collect();
+        let mut site_of = vec![NONE; domain.len()];
+        for (k, &s) in sites.iter().enumerate().filter(|&(_, &s)| s < facets) {
+            site_of[s as usize] = k as u32;
+        }
+        let constraints: Vec<Constraint> = choice
+            .chords
+            .iter()
+            .map(|chord| {
+                let edge = domain.chains[chord.chain as usize].edge(chord.from);
+                let [left, right] = sides(domain, chord);
+                Constraint { ends: chord.vertices.map(|v| site_of[v as usize]), left, right, wall: !edge.interior }
+            })
+            .collect();
+        let (cells, failed) = hull(&points, &constraints)?;
+        let angle = cells
+            .cells
+            .iter()
+            .map(|cell| angles(&cell.map(|s| points[s as usize])).into_iter().fold(f64::INFINITY, f64::min))
+            .collect();
+        let mut is_slit: Vec<bool> = constraints.iter().map(|c| c.wall && c.left && c.right).collect();
+        failed.iter().for_each(|&c| is_slit[c as usize] = false);
+        let mut trimmed = Trimmed { label: vec![None; cells.cells.len()], sites, points, cells, is_slit, angle };
+        self.label(choice, &failed, &mut trimmed);
+        let is_empty = trimmed.label.iter().all(|label| label.is_none());
+        Ok((!is_empty).then_some(trimmed))
+    }
+
+    /// Labels cells: beside a valid chord as the chord says, from there over the cells without loose corners up to the
+    /// next chord, and by sample points where nothing or more than one thing is said.
+    fn label(&self, choice: &Choice, failed: &[u32], trimmed: &mut Trimmed) {
+        let domain = self.domain;
+        let facets = domain.len() as u32;
+        let mut missing = self.degree.clone();
+        let mut is_valid = vec![true; choice.chords.len()];
+        failed.iter().for_each(|&c| is_valid[c as usize] = false);
+        for (chord, _) in choice.chords.iter().zip(&is_valid).filter(|&(_, &valid)| valid) {
+            chord.vertices.iter().for_each(|&v| missing[v as usize] -= 1);
+        }
+        let cells = &trimmed.cells;
+        let n = cells.cells.len();
+        let is_loose = |s: u32| trimmed.sites[s as usize] < facets && missing[trimmed.sites[s as usize] as usize] > 0;
+        let says = |c: u32| {
+            let chord = &choice.chords[c as usize / 2];
+            let side = domain.chains[chord.chain as usize].edge(chord.from).sides[c as usize % 2];
+            side.is_inside().then_some(side.cell_tag)
+        };
+        let mut said: Vec<Option<Option<i64>>> = vec![None; n];
+        let mut unsure = vec![false; n];
+        for t in 0..n {
+            let loose = cells.cells[t].iter().any(|&s| is_loose(s));
+            let mut votes = cells.constraints[t].iter().filter(|&&c| c != NONE).map(|&c| says(c));
+            said[t] = votes.next();
+            unsure[t] = said[t].map_or(loose, |first| votes.any(|vote| vote != first));
+        }
+        let mut seen = unsure.clone();
+        for first in 0..n {
+            if seen[first] {
+                continue;
+            }
+            seen[first] = true;
+            let mut region = vec![first];
+            let (mut vote, mut mixed) = (said[first], false);
+            let mut at = 0;
+            while at < region.len() {
+                let t = region[at];
+                at += 1;
+                for k in 0..3 {
+                    let next = cells.neighbours[t][k];
+                    if next == NONE || cells.constraints[t][k] != NONE || seen[next as usize] {
+                        continue;
+                    }
+                    seen[next as usize] = true;
+                    region.push(next as usize);
+                    let other = said[next as usize];
+                    mixed |= vote.is_some() && other.is_some() && vote != other;
+                    vote = vote.or(other);
+                }
+            }
+            let sure = vote.filter(|_| !mixed);
+            for t in region {
+                match (said[t], sure) {
+                    (Some(own), _) => said[t] = Some(own),
+                    (None, Some(vote)) => said[t] = Some(vote),
+                    (None, None) => unsure[t] = true,
+                }
+            }
+        }
+        for t in 0..n {
+            trimmed.label[t] = match said[t] {
+                Some(label) if !unsure[t] => label,
+                _ => self.sample(trimmed, t),
+            };
+        }
+    }
+
+    /// The tag of most sample points of a cell, `None` where not most of them lie inside.
+    fn sample(&self, trimmed: &Trimmed, t: usize) -> Option<i64> {
+        let cell = trimmed.cells.cells[t];
+        let corners = cell.map(|s| trimmed.points[s as usize]);
+        let facets = self.domain.len() as u32;
+        // an interior node's cells see farther than those of a facet vertex
+        let site = cell.iter().map(|&s| trimmed.sites[s as usize]).max().unwrap_or(0);
+        let node = site.checked_sub(facets).unwrap_or_else(|| self.domain.copies(site)[0]);
+        let (eye, tag) = self.eye(node);
+        let middle = centroid(&corners);
+        let towards = |p: &Point<2>| [(middle[0] + p[0]) / 2.0, (middle[1] + p[1]) / 2.0];
+        let samples = [middle, towards(&corners[0]), towards(&corners[1]), towards(&corners[2])];
+        let tags: Vec<i64> = samples.iter().filter_map(|x| self.sight.look(&eye, tag, x)).collect();
+        let count = |tag: i64| tags.iter().filter(|&&other| other == tag).count();
+        let most = tags.iter().map(|&tag| count(tag)).max()?;
+        tags.iter().copied().find(|&tag| tags.len() >= 3 && count(tag) == most)
+    }
+}
+
+impl Trimmed {
+    /// Cells of the level.
+    pub fn alive(&self) -> impl Iterator<Item = usize> {
+        (0..self.label.len()).filter(|&t| self.label[t].is_some())
+    }
+
+    /// The cell of the level across an edge of a cell; [`NONE`] where there is none, or a slit between.
+    pub fn across(&self, t: usize, k: usize) -> u32 {
+        let (next, constraint) = (self.cells.neighbours[t][k], self.cells.constraints[t][k]);
+        let is_slit = constraint != NONE && self.is_slit[constraint as usize / 2];
+        if next == NONE || is_slit || self.label[next as usize].is_none() { NONE } else { next }
+    }
+
+    /// Which corner of a cell a site is.
+    pub fn corner(&self, t: usize, s: u32) -> usize {
+        (0..3).find(|&k| self.cells.cells[t][k] == s).unwrap_or(0)
+    }
+
+    /// The cells of the level around a site that are met from one of them without crossing rim or slit, counter-clockwise.
+    pub fn sector(&self, t: usize, s: u32) -> Vec<usize> {
+        let mut first = t;
+        loop {
+            let next = self.across(first, self.corner(first, s));
+            if next == NONE || next as usize == t {
+                break;
+            }
+            first = next as usize;
+        }
+        let mut sector = vec![first];
+        loop {
+            let last = sector[sector.len() - 1];
+            let next = self.across(last, (self.corner(last, s) + 2) % 3);
+            if next == NONE || next as usize == first {
+                return sector;
+            }
+            sector.push(next as usize);
+        }
+    }
+
+    /// All cells of the hull around a site, from one of them.
+    pub fn around(&self, t: usize, s: u32) -> impl Iterator<Item = usize> {
+        let turn = move |t: usize, k: usize| self.cells.neighbours[t][(self.corner(t, s) + k) % 3];
+        let mut first = t;
+        loop {
+            let next = turn(first, 0);
+            if next == NONE || next as usize == t {
+                break;
+            }
+            first = next as usize;
+        }
+        std::iter::successors(Some(first), move |&t| {
+            let next = turn(t, 2);
+            (next != NONE && next as usize != first).then_some(next as usize)
+        })
+    }
+
+    /// Takes cells under `limit_deg` off the rim, the worst first: ears (two rim edges), and cells with one rim edge
+    /// whose opposite corner is not on the rim. The level is never emptied.
+    pub fn peel(&mut self, limit_deg: f64) {
+        let mut rim = vec![0u32; self.sites.len()];
+        let mut left = 0;
+        for t in self.alive() {
+            left += 1;
+            for k in (0..3).filter(|&k| self.across(t, k) == NONE) {
+                rim[self.cells.cells[t][k] as usize] += 1;
+                rim[self.cells.cells[t][(k + 1) % 3] as usize] += 1;
+            }
+        }
+        // angles are positive, so that their bits are in their order
+        let entry = |angle: f64, t: usize| Reverse((angle.to_bits(), t as u32));
+        let mut heap: BinaryHeap<Reverse<(u64, u32)>> =
+            self.alive().filter(|&t| self.angle[t] < limit_deg).map(|t| entry(self.angle[t], t)).collect();
+        while let Some(Reverse((_, t))) = heap.pop() {
+            let t = t as usize;
+            if self.label[t].is_none() || left == 1 {
+                continue;
+            }
+            let cell = self.cells.cells[t];
+            let is_rim = [0, 1, 2].map(|k| self.across(t, k) == NONE);
+            let goes = match is_rim.iter().filter(|&&r| r).count() {
+                0 => false,
+                1 => {
+                    let k = is_rim.iter().position(|&r| r).unwrap_or(0);
+                    rim[cell[(k + 2) % 3] as usize] == 0
+                }
+                _ => true,
+            };
+            if !goes {
+                continue;
+            }
+            self.label[t] = None;
+            left -= 1;
+            for k in 0..3 {
+                let ends = [cell[k], cell[(k + 1) % 3]];
+                for s in ends {
+                    if is_rim[k] { rim[s as usize] -= 1 } else { rim[s as usize] += 1 }
+                }
+                let next = self.cells.neighbours[t][k];
+                if !is_rim[k] && self.angle[next as usize] < limit_deg {
+                    heap.push(entry(self.angle[next as usize], next as usize));
+                }
+            }
+        }
+    }
+
+    /// Drops parts of hardly any cells where there is a larger part.
+    pub fn drop_crumbs(&mut self) {
+        let mut part = vec![NONE; self.label.len()];
+        let mut parts: Vec<Vec<u32>> = Vec::new();
+        for first in self.alive() {
+            if part[first] != NONE {
+                continue;
+            }
+            let p = parts.len() as u32;
+            part[first] = p;
+            let mut members = vec![first as u32];
+            let mut at = 0;
+            while at < members.len() {
+                let t = members[at] as usize;
+                at += 1;
+                for k in 0..3 {
+                    let next = self.across(t, k);
+                    if next != NONE && part[next as usize] == NONE {
+                        part[next as usize] = p;
+                        members.push(next);
+                    }
+                }
+            }
+            parts.push(members);
+        }
+        let largest = parts.iter().map(|members| members.len()).max().unwrap_or(0);
+        for members in parts.iter().filter(|members| members.len() < CRUMB.min(largest)) {
+            members.iter().for_each(|&t| self.label[t as usize] = None);
+        }
+    }
+
+    /// Number of cells under a limit, and the smallest angle.
+    pub fn shape(&self, limit_deg: f64) -> (usize, f64) {
+        let least = self.alive().map(|t| self.angle[t]).fold(f64::INFINITY, f64::min);
+        (self.alive().filter(|&t| self.angle[t] < limit_deg).count(), least)
+    }
+
+    /// Area of the level.
+    pub fn area(&self) -> f64 {
+        self.alive().map(|t| area(&self.cells.cells[t].map(|s| self.points[s as usize]))).sum()
+    }
+}
+
+/// Angles of a triangle in degrees.
+pub fn angles(p: &[Point<2>; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|k| {
+        let [a, b, c] = [p[k], p[(k + 1) % 3], p[(k + 2) % 3]];
+        let (ux, uy, vx, vy) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
+        (ux * vy - uy * vx).abs().atan2(ux * vx + uy * vy).to_degrees()
+    })
+}
