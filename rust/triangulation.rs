@@ -154,7 +154,7 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
 /// All cells of the constrained Delaunay triangulation of the convex hull, neighbours across constraints too, and the
 /// constraints that could not be added.
 pub fn hull(points: &[Point<2>], constraints: &[Constraint]) -> Result<(Cells, Vec<u32>), Error> {
-    let mut cdt = insert_all(points)?;
+    let mut cdt = insert_all(points, |k| k as u32)?;
     let failed = constrain(&mut cdt, constraints.iter().map(|c| c.ends));
     let mut on_edge = vec![NONE; cdt.num_directed_edges()];
     for (c, constraint) in constraints.iter().enumerate() {

@@ -73,7 +73,7 @@ impl Domain {
                 let ([left, right], [left_end, right_end]) = (chain.edges[0].sides, chain.edges[last - 1].sides);
                 let is_closed_slit =
                     !chain.edges[0].interior && left.tail == right.tail && left_end.head == right_end.head;
-                if is_closed_slit && !chain.vertices[1..last].iter().any(|&v| kept[v as usize]) {
+                if is_closed_slit && last > 1 && !chain.vertices[1..last].iter().any(|&v| kept[v as usize]) {
                     let middle = chain.arc.partition_point(|&arc| arc < chain.length() / 2.0).clamp(1, last - 1);
                     kept[chain.vertices[middle] as usize] = true;
                 }
