@@ -3,7 +3,8 @@
 //!
 //! Candidates. As printed, every level looks at every node. With `pool`, level i draws its interior nodes from a
 //! maximal independent set made with the spacing f_i / C^m (C^m >= 4, so this pool is much finer than the level), which
-//! was drawn from the pool of level i - 1 in turn. Facet vertices are candidates on every level. The work over all levels
+//! was drawn from the pool of level i - 1 in turn; the first pool also serves the levels before its own that are at least
+//! about twice as coarse as it. Facet vertices are candidates on every level. The work over all levels
 //! is then O(n).
 //!
 //! Depth. The paper takes the number of levels k as given. Without one, k is the first level whose own (not nested) mesh
@@ -24,6 +25,9 @@ use std::borrow::Cow;
 
 /// A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth.
 pub const STALL: f64 = 0.95;
+
+/// How much finer than a level the pool must be that it draws from, where that pool serves several levels.
+const LEAST_RATIO: f64 = 1.9;
 
 /// No hierarchy is deeper than this: a factor near 1 could ask for thousands of levels.
 pub const MAX_LEVELS: usize = 512;
@@ -129,7 +133,7 @@ pub(crate) struct Pool<'a> {
     pub(crate) candidates: Candidates<'a>,
     /// Candidate of the finest pool, by candidate of this one.
     members: Vec<u32>,
-    /// f at the candidates, of the one level that draws from this pool; empty in the finest, which serves several.
+    /// f at the candidates, of the level that the pool is made for; empty in the finest.
     f: Vec<f64>,
     /// Candidates looked at to make it.
     visits: usize,
@@ -345,7 +349,8 @@ impl Builder<'_> {
         if !self.options.pool {
             return Ok(0);
         }
-        let wanted = i.saturating_sub(self.lag);
+        let is_fine = self.factor(i) < LEAST_RATIO * self.factor(1);
+        let wanted = if is_fine { 0 } else { i.saturating_sub(self.lag).max(1) };
         while self.pools.len() <= wanted {
             self.progress.check()?;
             let level = self.pools.len() + self.lag;
@@ -403,7 +408,7 @@ impl Builder<'_> {
             }
             self.at_hand = p;
         }
-        let f = if p > 0 { pool.f.clone() } else { self.spacing_in(i, pool)? };
+        let f = if p > 0 && i == p + self.lag { pool.f.clone() } else { self.spacing_in(i, pool)? };
         self.progress.check()?;
         Ok((f, p))
     }
