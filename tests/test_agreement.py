@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import coarsen
 from clouds import clouds
 from coarsen import _core, reference
+from domains import domains
 from oracles import (
     assert_is_lipschitz,
     assert_is_mis,
+    assert_is_valid_level,
+    assert_node_nested,
     brute_coarsened,
     brute_conflicts,
     brute_greedy,
@@ -96,3 +100,62 @@ def test_large_sets_agree_too():
         for factor in (2.0, 32.0):
             f = both("coarsened", points, g, factor, 0.5, None, None)
             both("independent_set", points, f, 2.0, None, None, None)
+
+
+# --- hierarchies -----------------------------------------------------------------------------------------------------
+
+# The guard starts from one of many triangulations where points are cocircular, so it is as good as off here.
+NO_GUARD = {"min_angle": 1e-9}
+OPTIONS = {
+    "as in the paper": {"features": "plain", "gradation": 1.0, "candidates": "all", "beta": 3.0},
+    "default": NO_GUARD,
+    "threshold, not nested": {**NO_GUARD, "method": "threshold", "nested": False, "levels": 3},
+    "slow factor": {"features": "plain", "factor": 1.37},
+    "far from facets": {**NO_GUARD, "delta": 1.1, "beta": 1.6, "feature_angle": 20.0, "levels": 2},
+}
+REAL = ["gridded_fvcom", "libmesh_drum2", "ngs_2_doms", "triangle_box_4", "triangle_la_1", "xugrid_xoxo"]
+
+each_options = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS.keys())
+
+
+def assert_twins_agree(mesh, options):
+    """Both build the same levels: nodes exactly, spacing bit for bit, and both validly."""
+    rust, numpy = (coarsen.hierarchy(mesh, **options, backend=twin) for twin in ("rust", "numpy"))
+    assert [level.mesh.n_points for level in rust] == [level.mesh.n_points for level in numpy]
+    assert rust.stopped == numpy.stopped
+    for one, two in zip(rust, numpy, strict=True):
+        np.testing.assert_array_equal(one.nodes, two.nodes)
+        np.testing.assert_array_equal(one.spacing, two.spacing)
+        assert (one.factor, one.visits) == (two.factor, two.visits)
+    for hierarchy in (rust, numpy):
+        for level in hierarchy[1:]:
+            assert_is_valid_level(level, mesh)
+        if options.get("nested", True):
+            assert_node_nested(hierarchy)
+
+
+@each_options
+def test_twins_keep_the_same_nodes_of_random_domains(options):
+    for mesh in domains(SEED, 30):
+        assert_twins_agree(mesh, options)
+
+
+@each_options
+@pytest.mark.parametrize("name", ["crack_plate", "plate_with_holes", "interface", "lshape", "coast"])
+def test_twins_keep_the_same_nodes_of_the_gallery(name, options):
+    assert_twins_agree(getattr(coarsen.gallery, name)(600), options)
+
+
+@each_options
+@pytest.mark.parametrize("name", REAL)
+def test_twins_keep_the_same_nodes_of_real_meshes(meshes, name, options):
+    with np.load(meshes / f"{name}.npz") as file:
+        mesh = coarsen.Mesh(file["points"], file["triangles"], cell_tags=file.get("cell_tags"))
+    assert_twins_agree(mesh, options)
+
+
+def test_twins_keep_the_same_nodes_of_the_papers_mesh(meshes):
+    with np.load(meshes / "crack_5120_f32.npz") as file:
+        mesh = coarsen.Mesh(file["points"], file["triangles"])
+    for name in ("as in the paper", "default"):
+        assert_twins_agree(mesh, OPTIONS[name])

@@ -4,6 +4,7 @@ Spacing agrees with the core bit for bit, selected nodes exactly; triangulations
 Positional arguments and results are those of ``coarsen._core``; `threads` is taken and passed over.
 """
 
+from .hierarchy import hierarchy
 from .quadtree import quadtree
 from .selection import conflict_graph, independent_set, skeleton_independent_set
 from .spacing import coarsened, nearest, nearest_at, threshold
@@ -13,6 +14,7 @@ __all__ = [
     "coarsened",
     "conflict_graph",
     "delaunay",
+    "hierarchy",
     "independent_set",
     "nearest",
     "nearest_at",

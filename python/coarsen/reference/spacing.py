@@ -26,7 +26,8 @@ def nearest(points: Floats, threads: int | None = None) -> Floats:
             found = distance_2(points[own, None], points[None, blocks.members[k]])
             found[found == 0.0] = np.inf
             g_2[own] = np.minimum(g_2[own], found.min(axis=1))
-    return np.sqrt(g_2)
+    g: Floats = np.sqrt(g_2)
+    return g
 
 
 def nearest_at(points: Floats, at: Floats, threads: int | None = None) -> Floats:

@@ -166,7 +166,7 @@ class Triangulation:
 
     def _flip_away(self, a: int, b: int, crossed: list[Edge]) -> list[Edge]:
         """Flip crossed edges, those of convex quadrangles first, until none crosses a b; return the new edges."""
-        new = []
+        new: list[Edge] = []
         waiting = list(crossed)
         while waiting:
             u, v = waiting.pop(0)

@@ -1,0 +1,247 @@
+"""MULTI_LEVEL_COARSEN (Figure 3).
+
+Level i is spaced by the C^i-coarsening of the input's spacing, coarsest level first, each finer level keeping the nodes
+of the coarser one, so that levels are node-nested (Lemma 3.6).
+
+As printed, every level looks at every node. With ``candidates="pool"``, level i draws its interior nodes from a maximal
+independent set made with the spacing f_i / C^m (C^m >= 4), which was drawn from the pool of level i - 1 in turn.
+
+The paper takes the number of levels as given. Without one, it is the first level whose own (not nested) mesh has at
+most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .domain import Domain, FacetArrays
+from .gap import gaps
+from .level import Candidates, Choice, LevelMesh, Rules, assemble, rank, select, triangulate
+from .point import Floats, Ints
+from .selection import greedy
+from .spacing import capped, nearest, threshold
+
+if TYPE_CHECKING:
+    from coarsen.options import Options
+
+STALL = 0.95
+"""A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth."""
+MAX_LEVELS = 512
+
+Report = Callable[[str, int, int], None] | None
+Made = tuple[list[dict[str, Any]], str, Floats]
+"""The coarser levels, finest first, why they end ("levels", "coarsest", "stalled"), and g at the nodes of the input."""
+
+
+def power(factor: float, i: int) -> float:
+    """Return C^i by repeated squaring, as the core does, so that both have the same bits."""
+    result = 1.0
+    while True:
+        if i % 2:
+            result *= factor
+        i //= 2
+        if i == 0:
+            return result
+        factor *= factor
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Candidates, their places in the finest pool, f at them (of the one level that draws from here), and visits."""
+
+    candidates: Candidates
+    members: Ints
+    f: Floats
+    visits: int
+
+
+class Builder:
+    """All that stays the same from level to level."""
+
+    def __init__(
+        self, points: Floats, cells: Ints, facets: FacetArrays, spacing: Floats | None, options: Options
+    ) -> None:
+        self.points, self.cells, self.options = points, cells, options
+        self.rules = Rules(options.beta, options.delta, options.gradation, options.features != "plain")
+        self.domain = Domain(points, facets, math.cos(math.radians(options.feature_angle)))
+        nodes = candidate_nodes(points, self.domain)
+        finest = Candidates(points[nodes], nodes)
+        if spacing is None:
+            self.g = nearest(finest.points)
+        else:
+            self.g = spacing[nodes]
+            for v, copies in enumerate(self.domain.copies):
+                self.g[v] = spacing[copies].min()
+        self.cap = None
+        if self.rules.hold:
+            self.cap = np.full(len(nodes), np.inf)
+            self.cap[: len(self.domain)] = gaps(self.domain)
+        self.pools = [Pool(finest, np.arange(len(nodes)), np.empty(0), 0)]
+        self.lag = min(max(math.ceil(math.log(4) / math.log(options.factor)), 1), 64)
+        boundary = facets.n_boundary
+        self.euler = len(points) - (3 * len(cells) + boundary) // 2 + len(cells)
+
+    def at_nodes(self, g: Floats) -> Floats:
+        """Return values of the finest candidates at all nodes, copies alike."""
+        values = np.zeros(len(self.points))
+        values[self.pools[0].candidates.nodes] = g
+        for v, copies in enumerate(self.domain.copies):
+            values[copies] = g[v]
+        return values
+
+    def spacing_in(self, i: int, pool: Pool) -> Floats:
+        """Return f_i at the candidates of a pool, held under the gaps of the domain."""
+        finest, factor = self.pools[0].candidates.points, power(self.options.factor, i)
+        if self.options.method == "function":
+            return capped(finest, self.g, self.cap, factor, self.rules.gradation, pool.candidates.points)
+        f = threshold(self.g, factor)[pool.members]
+        if self.cap is not None:
+            free = np.full(len(finest), np.inf)
+            f = np.minimum(f, capped(finest, free, self.cap, 1.0, self.rules.gradation, pool.candidates.points))
+        return f
+
+    def pool_for(self, i: int) -> int:
+        """Make pools up to the one that level i draws from, and return its number."""
+        if self.options.candidates != "pool":
+            return 0
+        wanted = max(i - self.lag, 0)
+        while len(self.pools) <= wanted:
+            last, facets = self.pools[-1], len(self.domain)
+            f = self.spacing_in(len(self.pools) + self.lag, last)
+            order = rank(np.arange(facets, len(f)), f)
+            none = np.empty(0, np.int64)
+            finer = f / power(self.options.factor, self.lag)
+            chosen = np.sort(greedy(last.candidates.points, finer, self.rules.beta, order, none))
+            picked = np.concatenate([np.arange(facets), chosen])
+            candidates = Candidates(last.candidates.points[picked], last.candidates.nodes[picked])
+            self.pools.append(Pool(candidates, last.members[picked], f[picked], len(order)))
+        return wanted
+
+    def choose(self, i: int, seeds: Choice) -> tuple[Choice, Floats, Ints, int]:
+        """Select the nodes of level i; also f by candidate, the candidate of every node, and the pool."""
+        p = self.pool_for(i)
+        pool = self.pools[p]
+        candidate_of = np.full(len(self.points), -1)
+        candidate_of[pool.candidates.nodes] = np.arange(len(pool.candidates.nodes))
+        f = pool.f if p > 0 else self.spacing_in(i, pool)
+        choice, f = select(self.domain, pool.candidates, f, seeds, candidate_of, self.rules)
+        for v, copies in enumerate(self.domain.copies):
+            candidate_of[copies] = v
+        return choice, f, candidate_of, p
+
+    def level(self, i: int, seeds: Choice) -> tuple[dict[str, Any], Choice]:
+        """Make level i."""
+        choice, f, candidate_of, p = self.choose(i, seeds)
+        mesh = assemble(self.domain, choice, triangulate(self.domain, self.points, choice))
+        pool = self.pools[p]
+        visits = len(pool.candidates.nodes) + (pool.visits if p > 0 and i == p + self.lag else 0)
+        return as_dict(mesh, power(self.options.factor, i), f[candidate_of[mesh.nodes]], visits), choice
+
+    def n_cells(self, i: int) -> int:
+        """Return the number of cells of level i on its own, by Euler's formula."""
+        choice = self.choose(i, self.no_seeds())[0]
+        boundary = 0
+        for chord in choice.chords:
+            edge = self.domain.chains[chord.chain].edge(chord.start)
+            boundary += 0 if edge.interior else sum(side.is_inside for side in edge.sides)
+        return max(2 * (choice.size(self.domain) - self.euler) - boundary, 0)
+
+    def no_seeds(self) -> Choice:
+        """Return a choice of nothing."""
+        return Choice(np.zeros(len(self.domain), np.bool_))
+
+    def depth(self) -> tuple[int, str]:
+        """Return the depth of a hierarchy of open depth, and why it ends there."""
+        coarsest, sizes = self.options.coarsest, {0: len(self.cells)}
+
+        def size(i: int) -> int:
+            if i not in sizes:
+                sizes[i] = self.n_cells(i)
+            return sizes[i]
+
+        depth = 1
+        if self.options.candidates == "pool":
+            # pools tell roughly where to begin: one of interior nodes holds about C^2m nodes for each of its level
+            share, facets = power(self.options.factor, 2 * self.lag), len(self.domain)
+            while True:
+                p = self.pool_for(depth)
+                now, before = (len(self.pools[q].members) - facets for q in (p, max(p - 1, 0)))
+                if now <= share * coarsest or (p > 0 and now > STALL * before) or depth == MAX_LEVELS:
+                    break
+                depth += 1
+        while depth > 1 and not (size(depth - 1) > coarsest and size(depth) <= STALL * size(depth - 1)):
+            depth -= 1
+        while True:
+            now = size(depth)
+            if now <= coarsest:
+                return depth, "coarsest"
+            if depth == MAX_LEVELS or size(depth + 1) > STALL * now:
+                # not even the first level may be worth having
+                return (depth if depth > 1 or now <= STALL * len(self.cells) else 0), "stalled"
+            depth += 1
+
+    def build(self) -> Made:
+        """Build the levels, coarsest first."""
+        depth, stopped = (self.options.levels, "levels") if self.options.levels is not None else self.depth()
+        levels: list[dict[str, Any]] = []
+        seeds = self.no_seeds()
+        for i in range(depth, 0, -1):
+            level, choice = self.level(i, seeds)
+            seeds = choice if self.options.nested else seeds
+            levels.insert(0, level)
+        if self.options.levels is None:
+            for k, level in enumerate(levels):
+                if len(level["cells"]) <= self.options.coarsest:
+                    return levels[: k + 1], "coarsest", self.at_nodes(self.g)
+        return levels, stopped, self.at_nodes(self.g)
+
+
+def hierarchy(
+    points: Floats,
+    cells: Ints,
+    facets: FacetArrays,
+    spacing: Floats | None,
+    options: Options,
+    report: Report = None,
+    threads: int | None = None,
+) -> Made:
+    """Build the coarser levels of a triangle mesh; `report` and `threads` are passed over."""
+    return Builder(points, cells, facets, spacing, options).build()
+
+
+def candidate_nodes(points: Floats, domain: Domain) -> Ints:
+    """Return the nodes of the candidates: facet vertices, then interior nodes along a Hilbert curve."""
+    on_facet = np.zeros(len(points), np.bool_)
+    for copies in domain.copies:
+        on_facet[copies] = True
+    interior = np.flatnonzero(~on_facet)
+    first = np.array([copies[0] for copies in domain.copies], np.int64)
+    return np.concatenate([first, interior[along_hilbert_curve(points[interior])]])
+
+
+def along_hilbert_curve(points: Floats) -> Ints:
+    """Return the order of points along a Hilbert curve on a grid of 2^32 cells an axis, ties by index."""
+    if not len(points):
+        return np.empty(0, np.int64)
+    low = points.min(axis=0)
+    extent = float((points.max(axis=0) - low).max())
+    scale = (2.0**32 - 1) / extent if extent > 0 else 0.0
+    x, y = ((points - low) * scale).astype(np.uint64).T
+    most, place = np.uint64(2**32 - 1), np.zeros(len(points), np.uint64)
+    for bit in range(31, -1, -1):
+        rx, ry = (x >> np.uint64(bit)) & np.uint64(1), (y >> np.uint64(bit)) & np.uint64(1)
+        place = (place << np.uint64(2)) | ((np.uint64(3) * rx) ^ ry)
+        mirrored = (rx == 1) & (ry == 0)
+        x, y = np.where(mirrored, most - x, x), np.where(mirrored, most - y, y)
+        x, y = np.where(ry == 0, y, x), np.where(ry == 0, x, y)
+    return np.argsort(place, kind="stable")
+
+
+def as_dict(mesh: LevelMesh, factor: float, spacing: Floats, visits: int) -> dict[str, Any]:
+    """Return a level as it crosses the border to `coarsen.multilevel`."""
+    return {**vars(mesh), "factor": factor, "spacing": spacing, "visits": visits}
