@@ -15,7 +15,9 @@ use crate::drop::Dropped;
 use crate::error::Error;
 use crate::guard::{Guard, Scene, better};
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, assemble, lower, rank, select, triangulate};
+use crate::level::{
+    Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, narrow_cells, rank, select, triangulate,
+};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::greedy;
@@ -28,6 +30,9 @@ pub const STALL: f64 = 0.95;
 
 /// How much finer than a level the pool must be that it draws from, where that pool serves several levels.
 const LEAST_RATIO: f64 = 1.9;
+
+/// How often a level is drawn again with facet vertices put back.
+const MOST_REDRAWS: usize = 2;
 
 /// No hierarchy is deeper than this: a factor near 1 could ask for thousands of levels.
 pub const MAX_LEVELS: usize = 512;
@@ -145,6 +150,14 @@ pub(crate) struct Chosen {
     f: Vec<f64>,
     /// Places of the interior candidates.
     places: Vec<Place>,
+    pool: usize,
+}
+
+/// A level before it is written in the input's terms.
+struct Drawn {
+    choice: Choice,
+    f: Vec<f64>,
+    level: Triangulated,
     pool: usize,
 }
 
@@ -443,8 +456,40 @@ impl Builder<'_> {
         Ok(levels)
     }
 
-    /// Makes level i.
+    /// Makes level i. Where cells stay narrow next to chords that can be split, it is drawn again with vertices put back
+    /// there, and the better one kept.
     fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
+        let mut drawn = self.draw(i, seeds)?;
+        if self.options.rules.hold && self.options.min_angle.is_some() {
+            let mut seeds = seeds.clone();
+            seeds.kept.resize(self.domain.len(), false);
+            for _ in 0..MOST_REDRAWS {
+                let (narrow, back) = narrow_cells(self.domain, &drawn.choice, &drawn.level);
+                if back.is_empty() {
+                    break;
+                }
+                back.iter().for_each(|&v| seeds.kept[v as usize] = true);
+                let again = self.draw(i, &seeds)?;
+                if narrow_cells(self.domain, &again.choice, &again.level).0 >= narrow {
+                    break;
+                }
+                drawn = again;
+            }
+        }
+        let Drawn { choice, f, level, pool: p } = drawn;
+        let mesh = assemble(self.domain, &choice, &level)?;
+        let mut copies = std::collections::HashMap::new();
+        for v in (0..self.domain.len() as u32).filter(|&v| choice.kept[v as usize]) {
+            copies.extend(self.domain.copies(v).iter().map(|&node| (node, v)));
+        }
+        let candidate = |node: &u32| copies.get(node).copied().unwrap_or_else(|| self.candidate_of[*node as usize]);
+        let spacing = mesh.nodes.iter().map(|node| f[candidate(node) as usize]).collect();
+        let visits = self.visits(i, p);
+        Ok((Level { mesh, factor: self.factor(i), spacing, visits, dropped: None }, choice))
+    }
+
+    /// Selects, triangulates and betters level i.
+    fn draw(&mut self, i: usize, seeds: &Choice) -> Result<Drawn, Error> {
         let Chosen { mut choice, mut f, places, pool: p } = self.choose(i, seeds)?;
         self.progress.enter(3, 1)?;
         let mut level = triangulate(self.domain, self.input.points, &mut choice)?;
@@ -469,15 +514,7 @@ impl Builder<'_> {
             lower(&pool.candidates, &mut f, &crowded, self.options.rules.gradation);
             choice.held.extend(crowded.iter().map(|&(k, room)| (pool.candidates.nodes[k as usize], room)));
         }
-        let mesh = assemble(self.domain, &choice, &level)?;
-        let mut copies = std::collections::HashMap::new();
-        for v in (0..facets).filter(|&v| choice.kept[v as usize]) {
-            copies.extend(self.domain.copies(v).iter().map(|&node| (node, v)));
-        }
-        let candidate = |node: &u32| copies.get(node).copied().unwrap_or_else(|| self.candidate_of[*node as usize]);
-        let spacing = mesh.nodes.iter().map(|node| f[candidate(node) as usize]).collect();
-        let visits = self.visits(i, p);
-        Ok((Level { mesh, factor: self.factor(i), spacing, visits, dropped: None }, choice))
+        Ok(Drawn { choice, f, level, pool: p })
     }
 
     /// A depth to begin a search with: pools tell it without a selection on the fine levels.

@@ -310,6 +310,46 @@ pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) ->
     }
 }
 
+/// Cosine of the angle (15 degrees) that a level's cells are held to wherever the domain lets them.
+const NARROW: f64 = 0.965_925_826_289_068_3;
+
+/// The number of cells under [`NARROW`] degrees, angles between two chords left aside, and facet vertices whose return
+/// would split a chord next to one: of its longest chord that spans several facet edges, the vertex nearest to the
+/// corner opposite.
+pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (usize, Vec<u32>) {
+    let (mut narrow, mut back) = (0, Vec::new());
+    for (cell, around) in level.cells.cells.iter().zip(&level.cells.constraints) {
+        let p = cell.map(|v| level.points[v as usize]);
+        let edge = |k: usize| [p[(k + 1) % 3][0] - p[k][0], p[(k + 1) % 3][1] - p[k][1]];
+        let is_sharp = |k: usize| {
+            let (out, back) = (edge(k), edge((k + 2) % 3));
+            let lengths = (out[0] * out[0] + out[1] * out[1]).sqrt() * (back[0] * back[0] + back[1] * back[1]).sqrt();
+            let between_chords = around[k] != NONE && around[(k + 2) % 3] != NONE;
+            !between_chords && -(out[0] * back[0] + out[1] * back[1]) > NARROW * lengths
+        };
+        if !(0..3).any(is_sharp) {
+            continue;
+        }
+        narrow += 1;
+        let splits = |k: &usize| {
+            around[*k] != NONE && {
+                let chord = &choice.chords[around[*k] as usize / 2];
+                chord.to > chord.from + 1
+            }
+        };
+        let length = |k: usize| distance(&p[k], &p[(k + 1) % 3]);
+        let longest = (0..3).filter(splits).max_by(|&j, &k| length(j).total_cmp(&length(k)).then(k.cmp(&j)));
+        if let Some(k) = longest {
+            let (chord, corner) = (&choice.chords[around[k] as usize / 2], &p[(k + 2) % 3]);
+            let chain = &domain.chains[chord.chain as usize];
+            let away = |v: u32| distance(&domain.points[v as usize], corner);
+            let inner = (chord.from + 1..chord.to).map(|position| chain.vertex(position));
+            back.extend(inner.min_by(|&v, &w| away(v).total_cmp(&away(w)).then(v.cmp(&w))));
+        }
+    }
+    (narrow, back)
+}
+
 /// Turns sites into node copies, carries tags to cells, lists the facets.
 pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Result<LevelMesh, Error> {
     let (sites, cells) = (&level.sites, &level.cells);
