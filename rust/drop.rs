@@ -60,7 +60,7 @@ pub fn select(
         kept[v as usize] = true;
     }
     let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
-    let chords = domain.valid_chords(&kept, &obstacles);
+    let chords = domain.valid_chords(&kept, f, &obstacles);
 
     let places = near_facets(domain, candidates, f, &chords, rules.delta);
     let mut is_seed = vec![false; candidates.nodes.len() - facets];
@@ -132,7 +132,13 @@ impl<'a> Ground<'a> {
     }
 
     /// Makes the mesh of a choice from nodes that `allowed` admits, and takes out of the choice what is not in it.
-    pub fn settle(&self, choice: &mut Choice, allowed: Option<&[bool]>) -> Result<Option<(LevelMesh, Dropped)>, Error> {
+    /// `f` is by facet vertex.
+    pub fn settle(
+        &self,
+        choice: &mut Choice,
+        f: &[f64],
+        allowed: Option<&[bool]>,
+    ) -> Result<Option<(LevelMesh, Dropped)>, Error> {
         let is_allowed = |node: u32| allowed.is_none_or(|allowed| allowed[node as usize]);
         choice.interior.retain(|&node| is_allowed(node));
         for v in 0..self.domain.len() as u32 {
@@ -141,7 +147,7 @@ impl<'a> Ground<'a> {
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
         for _ in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
-            choice.chords = self.domain.valid_chords(&choice.kept, &obstacles);
+            choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles);
             let Some(mut cells) = self.triangulate(choice)? else { break };
             cells.peel(RIM_ANGLE_DEG);
             cells.drop_crumbs();

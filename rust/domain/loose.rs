@@ -7,10 +7,15 @@ use super::{Chain, Chord, Domain};
 use crate::point::{Point, distance};
 
 impl Domain {
-    /// The valid ones among the chords of the kept vertices. `obstacles` are kept points that are no facet vertices.
-    pub fn valid_chords(&self, kept: &[bool], obstacles: &[Point<2>]) -> Vec<Chord> {
+    /// The valid ones among the chords of the kept vertices that leave their chain by no more than the spacing `f`.
+    /// `obstacles` are kept points that are no facet vertices.
+    pub fn valid_chords(&self, kept: &[bool], f: &[f64], obstacles: &[Point<2>]) -> Vec<Chord> {
         let mut chords = self.chords(kept);
-        chords.retain(|chord| chord.vertices[0] != chord.vertices[1] && self.is_uniform(chord));
+        chords.retain(|chord| {
+            let [a, b] = chord.vertices;
+            let reach = f[a as usize].max(f[b as usize]);
+            a != b && chord.deviation_2 <= reach * reach && self.is_uniform(chord)
+        });
         self.drop_flat(&mut chords);
         loop {
             let bad = self.offending(&chords, kept, obstacles);

@@ -104,7 +104,8 @@ impl Builder<'_> {
         let mut levels: Vec<Level> = Vec::new();
         for k in 0..plans.len() {
             self.progress.enter(3, 1)?;
-            let made = ground.settle(&mut plans[k].choice, allowed.as_deref())?;
+            let plan = &mut plans[k];
+            let made = ground.settle(&mut plan.choice, &plan.at_facets, allowed.as_deref())?;
             let (mesh, dropped) = match made {
                 Some(made) => made,
                 None => {
@@ -165,7 +166,7 @@ impl Builder<'_> {
             let f: Vec<f64> = f.iter().map(|f| f * scale).collect();
             let none = Choice::default();
             let mut choice = select(self.domain, &candidates, &f, &none, |node| node, rules, self.progress)?;
-            let Some(made) = ground.settle(&mut choice, allowed)? else { continue };
+            let Some(made) = ground.settle(&mut choice, &f, allowed)? else { continue };
             let mut at_interior: Vec<(u32, f64)> =
                 candidates.nodes[facets..].iter().copied().zip(f[facets..].iter().copied()).collect();
             at_interior.sort_unstable_by_key(|at| at.0);

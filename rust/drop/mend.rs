@@ -5,15 +5,25 @@
 //! triangulation is made for a node that stays. What the whole triangulation makes of it is seen in the next round.
 
 use super::trim::{Trimmed, angles};
-use crate::point::{NONE, Point, orient};
+use crate::point::{NONE, Point, distance_2, orient};
 
 /// Stars with more corners are not considered.
 const MOST_CORNERS: usize = 24;
 
+/// What taking out a site does to its star, the best last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Gain {
+    /// No better, but the shortest edge of a sliver is gone.
+    Thins,
+    /// Better, though not all well.
+    Better,
+    /// No sliver is left.
+    Mends,
+}
+
 /// A site that could be taken out.
 struct Candidate {
-    /// Whether its star is mended.
-    mends: bool,
+    gain: Gain,
     cost: u32,
     /// Smallest angle of the star without it.
     after: f64,
@@ -23,7 +33,7 @@ struct Candidate {
 
 impl Candidate {
     fn is_better(&self, other: &Candidate) -> bool {
-        let order = self.mends.cmp(&other.mends).then(other.cost.cmp(&self.cost));
+        let order = self.gain.cmp(&other.gain).then(other.cost.cmp(&self.cost));
         order.then(self.after.total_cmp(&other.after)).is_gt()
     }
 }
@@ -48,11 +58,17 @@ impl Trimmed {
                 }
                 let before = star.iter().map(|&t| self.angle[t]).fold(f64::INFINITY, f64::min);
                 let after = self.best_angle(&link);
-                if after <= before {
+                let gain = if after >= limit_deg {
+                    Gain::Mends
+                } else if after > before {
+                    Gain::Better
+                } else if self.is_short(t, k) {
+                    Gain::Thins
+                } else {
                     continue;
-                }
-                let mends = after >= limit_deg;
-                let candidate = Candidate { mends, cost: if mends { cost(s) } else { 0 }, after, site: s, link };
+                };
+                let cost = if gain == Gain::Mends { cost(s) } else { 0 };
+                let candidate = Candidate { gain, cost, after, site: s, link };
                 if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                     best = Some(candidate);
                 }
@@ -64,6 +80,13 @@ impl Trimmed {
             }
         }
         victims
+    }
+
+    /// Whether a corner of a cell is an end of its shortest edge.
+    fn is_short(&self, t: usize, k: usize) -> bool {
+        let p = self.cells.cells[t].map(|s| self.points[s as usize]);
+        let length = |k: usize| distance_2(&p[k % 3], &p[(k + 1) % 3]);
+        length(k + 1) > length(k).min(length(k + 2))
     }
 
     /// Cells around a corner of a cell, in their order, and the polygon of their other corners. `None` where the cells
