@@ -29,7 +29,7 @@ pub use assemble::Dropped;
 const RIM_ANGLE_DEG: f64 = 15.0;
 
 /// Triangulations of one level at most: each but the last takes out nodes that end in no cell.
-const MOST_ROUNDS: usize = 12;
+const MOST_ROUNDS: usize = 32;
 
 /// Selects a level's nodes among the candidates, keeping `seeds` (see [`crate::level::select`]).
 pub fn select(
@@ -60,7 +60,7 @@ pub fn select(
         kept[v as usize] = true;
     }
     let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
-    let chords = domain.valid_chords(&kept, f, &obstacles);
+    let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
 
     let places = near_facets(domain, candidates, f, &chords, rules.delta);
     let mut is_seed = vec![false; candidates.nodes.len() - facets];
@@ -147,7 +147,7 @@ impl<'a> Ground<'a> {
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
         for _ in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
-            choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles);
+            choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles, &choice.chords);
             let Some(mut cells) = self.triangulate(choice)? else { break };
             cells.peel(RIM_ANGLE_DEG);
             cells.drop_crumbs();

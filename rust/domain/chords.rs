@@ -50,7 +50,7 @@ impl Domain {
         self.keep_enough(kept);
         loop {
             let chords = self.chords(kept);
-            let mut bad = self.offending(&chords, kept, obstacles);
+            let mut bad = self.offending(&chords, kept, obstacles, |_| true);
             if bad.is_empty() && wide {
                 bad = self.narrow(&chords);
             }
@@ -134,10 +134,16 @@ impl Domain {
         Chord { chain: c, from, to, vertices, farthest, deviation_2 }
     }
 
-    /// Chords to be split, ascending.
-    pub(super) fn offending(&self, chords: &[Chord], kept: &[bool], obstacles: &[Point<2>]) -> Vec<u32> {
+    /// Chords to be split, ascending. Those that are not `fresh` are known to be valid among themselves.
+    pub(super) fn offending(
+        &self,
+        chords: &[Chord],
+        kept: &[bool],
+        obstacles: &[Point<2>],
+        fresh: impl Fn(u32) -> bool,
+    ) -> Vec<u32> {
         let mut bad = vec![false; chords.len()];
-        let splits = |i: u32| chords[i as usize].to > chords[i as usize].from + 1;
+        let splits = |i: u32| chords[i as usize].to > chords[i as usize].from + 1 && fresh(i);
         let segments: Vec<Boxed> = (0..chords.len()).map(|i| self.box_of(chords[i].vertices, i as u32)).collect();
         let tree = RTree::bulk_load(segments);
         for i in 0..chords.len() as u32 {

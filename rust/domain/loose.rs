@@ -5,11 +5,18 @@
 
 use super::{Chain, Chord, Domain};
 use crate::point::{Point, distance};
+use std::collections::HashSet;
 
 impl Domain {
     /// The valid ones among the chords of the kept vertices that leave their chain by no more than the spacing `f`.
-    /// `obstacles` are kept points that are no facet vertices.
-    pub fn valid_chords(&self, kept: &[bool], f: &[f64], obstacles: &[Point<2>]) -> Vec<Chord> {
+    /// `obstacles` are kept points that are no facet vertices. The chords `known` are valid, and none but fewer vertices and
+    /// obstacles are kept since.
+    pub fn valid_chords(&self, kept: &[bool], f: &[f64], obstacles: &[Point<2>], known: &[Chord]) -> Vec<Chord> {
+        let place = |chord: &Chord| {
+            let n = self.chains[chord.chain as usize].vertices.len() as u32;
+            (chord.chain, chord.from % n, chord.to % n)
+        };
+        let known: HashSet<(u32, u32, u32)> = known.iter().map(place).collect();
         let mut chords = self.chords(kept);
         chords.retain(|chord| {
             let [a, b] = chord.vertices;
@@ -18,7 +25,7 @@ impl Domain {
         });
         self.drop_flat(&mut chords);
         loop {
-            let bad = self.offending(&chords, kept, obstacles);
+            let bad = self.offending(&chords, kept, obstacles, |i| !known.contains(&place(&chords[i as usize])));
             if bad.is_empty() {
                 return chords;
             }
