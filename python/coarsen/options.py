@@ -58,7 +58,8 @@ class Options:
     candidates : {"pool", "all"}
         Whether coarse levels draw from an independent set of a much finer level (O(n) in all) or from every node.
     min_angle : float or None
-        In (0, 60) degrees: the quality guard. None: no guard.
+        In [0, 60) degrees: the quality guard works for it; 0 turns the guard off. None: 25, but 0 with
+        ``features="plain"``.
     feature_angle : float
         In (0, 180] degrees: a facet node where the boundary turns by more is a corner.
     backend : {"rust", "numpy"}
@@ -80,10 +81,10 @@ class Options:
     spacing: Spacing = _option("nearest", "spacing of the mesh: nearest neighbour or balanced quadtree")
     beta: float = _option(2.0, "β > 1 of the conflict graph")
     delta: float = _option(0.5, "δ >= 0: interior nodes stay δ·f away from facets")
-    gradation: float = _option(0.5, "Lipschitz constant in (0, 1] of the coarsened spacing; 1 is the paper's")
+    gradation: float = _option(0.7, "Lipschitz constant in (0, 1] of the coarsened spacing; 1 is the paper's")
     features: str = _option("keep", "keep or drop holes, inlets and steps smaller than the spacing")
     candidates: str = _option("pool", "draw coarse levels from an independent set of a finer one, or from every node")
-    min_angle: float | None = _option(None, "quality guard: no angle under this many degrees")
+    min_angle: float | None = _option(None, "quality guard: work for no angle under this many degrees; default 25, off with plain; 0: off")
     feature_angle: float = _option(60.0, "degrees: the boundary has a corner where it turns by more")
     backend: str = _option("rust", "the fast one or the NumPy reference")
     threads: int | None = _option(None, "threads to work with; default: all cores")
@@ -103,7 +104,7 @@ class Options:
             "candidates": _choice("candidates", self.candidates, CANDIDATES),
             "min_angle": None
             if self.min_angle is None
-            else _number("min_angle", self.min_angle, 0.0, 60.0, "None or degrees in (0, 60)"),
+            else _number("min_angle", self.min_angle, 0.0, 60.0, "None or degrees in [0, 60)", closed="low"),
             "feature_angle": _number(
                 "feature_angle", self.feature_angle, 0.0, 180.0, "degrees in (0, 180]", closed="high"
             ),
