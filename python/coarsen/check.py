@@ -1,0 +1,186 @@
+"""Definition 2.4 measured: how well-conditioned a hierarchy is.
+
+A hierarchy is (θ, I, b)-well-conditioned where every angle of every coarser level lies between θ and 180° - θ, where
+el of a level is nowhere over I times el of the next finer one, and where the last level has at most b cells. `el`
+(Definition 2.1) is the longest edge of the cell that holds a point.
+
+The size of a level is told against a lower bound in the manner of Lemma 4.6. A triangle of longest edge e has at most
+the area √3/4 e², so a mesh whose elements are nowhere larger than E has at least 4/√3 ∫ E⁻² cells. E is the largest
+1-Lipschitz function under C^i el of the input (Lemma 5.8): what any well-shaped coarsening by C^i has to obey.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import spacing
+from .backend import backend
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .mesh import Mesh
+    from .multilevel import Hierarchy, Level
+
+
+@dataclass(frozen=True)
+class LevelCheck:
+    """What Definition 2.4 says of one level.
+
+    Attributes
+    ----------
+    level : int
+    n_points, n_cells : int
+    min_angle, max_angle : float
+        Degrees; NaN on a line.
+    similarity : float
+        The largest el of this level over el of the next finer one, over all points; NaN on level 0.
+    nested : bool
+        Whether the nodes are nodes of the next finer level.
+    size_ratio : float
+        Cells over the least number that a mesh with elements as large as allowed can have; NaN on a line.
+    """
+
+    level: int
+    n_points: int
+    n_cells: int
+    min_angle: float
+    max_angle: float
+    similarity: float
+    nested: bool
+    size_ratio: float
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """A hierarchy measured by Definition 2.4; true where the bounds asked for hold on every coarser level.
+
+    Attributes
+    ----------
+    levels : tuple of LevelCheck
+    failed : tuple of str
+        What did not hold.
+    """
+
+    levels: tuple[LevelCheck, ...]
+    failed: tuple[str, ...]
+
+    def __bool__(self) -> bool:
+        return not self.failed
+
+    @property
+    def depth(self) -> int:
+        """Number of meshes (Definition 2.3)."""
+        return len(self.levels)
+
+    @property
+    def theta(self) -> float:
+        """The smallest angle of all coarser levels, in degrees, as Definition 2.4 has it: also 180° less the largest."""
+        coarser = self.levels[1:] or self.levels
+        return min(min(one.min_angle, 180.0 - one.max_angle) for one in coarser)
+
+    @property
+    def similarity(self) -> float:
+        """The largest I of all pairs of levels."""
+        return max((one.similarity for one in self.levels[1:]), default=1.0)
+
+    def __str__(self) -> str:
+        lines = ["level    nodes    cells  min angle  max angle  similarity  nested  size ratio"]
+        for one in self.levels:
+            similarity = "-" if np.isnan(one.similarity) else f"{one.similarity:.2f}"
+            lines.append(
+                f"{one.level:5d} {one.n_points:8d} {one.n_cells:8d} {one.min_angle:10.2f} {one.max_angle:10.2f} "
+                f"{similarity:>11} {'yes' if one.nested else 'no':>7} {one.size_ratio:11.2f}"
+            )
+        return "\n".join([*lines, *(f"not held: {text}" for text in self.failed)])
+
+
+def longest_edges(mesh: Mesh) -> NDArray[np.float64]:
+    """Return el of every cell (Definition 2.1): (m,), in the units of the points."""
+    corners = mesh.points[mesh.cells]
+    edges = np.roll(corners, -1, axis=1) - corners
+    return np.sqrt((edges**2).sum(axis=-1)).max(axis=1)
+
+
+def similarity(finer: Level, coarser: Level, name: str = "rust") -> float:
+    """Return the largest el of `coarser` over el of `finer`, over all points that both meshes hold."""
+    shared = np.searchsorted(finer.nodes, coarser.nodes)
+    shared = np.minimum(shared, len(finer.nodes) - 1)
+    injection = np.where(finer.nodes[shared] == coarser.nodes, shared, -1)
+    one, two = finer.mesh, coarser.mesh
+    if one.dim == 1:
+        return _line_similarity(one, two)
+    indptr, indices, areas = backend(name).overlap(one.points, one.cells, two.points, two.cells, injection, None)
+    fine = np.repeat(np.arange(one.n_cells), np.diff(indptr))
+    ratio = longest_edges(two)[indices] / longest_edges(one)[fine]
+    return float(ratio[areas > 0].max())
+
+
+def _line_similarity(one: Mesh, two: Mesh) -> float:
+    middle = one.points[one.cells, 0].mean(axis=1)
+    starts = two.points[two.cells[:, 0], 0]
+    order = np.argsort(starts)
+    holder = order[np.maximum(np.searchsorted(starts[order], middle, side="right") - 1, 0)]
+    return float((longest_edges(two)[holder] / longest_edges(one)).max())
+
+
+def least_cells(mesh: Mesh, factor: float) -> float:
+    """Return the least number of cells of a mesh whose elements are as large as a coarsening by `factor` may have them."""
+    el = longest_edges(mesh)
+    corners = mesh.points[mesh.cells]
+    out, back = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * np.abs(out[:, 0] * back[:, 1] - out[:, 1] * back[:, 0])
+    allowed = el if factor == 1.0 else spacing.coarsened(corners.mean(axis=1), el, factor)
+    return float(4 / np.sqrt(3) * (area / allowed**2).sum())
+
+
+def check(
+    h: Hierarchy, *, min_angle: float | None = None, similarity: float | None = None, size: float | None = None
+) -> Conditioning:
+    """Measure a hierarchy by Definition 2.4.
+
+    Parameters
+    ----------
+    h : Hierarchy
+    min_angle : float, optional
+        θ in degrees, asked of every coarser level: θ < angles < 180° - θ.
+    similarity : float, optional
+        I, asked of every two adjacent levels.
+    size : float, optional
+        b, asked of the last level: at most this many cells.
+
+    Returns
+    -------
+    Conditioning
+        True where what was asked for holds; printable.
+    """
+    levels, failed = [], []
+    for i, level in enumerate(h):
+        quality = level.quality
+        ratio = float("nan") if i == 0 else _similarity(h[i - 1], level)
+        nested = i == 0 or bool(np.isin(level.nodes, h[i - 1].nodes).all())
+        fewest = float("nan") if level.mesh.dim == 1 else least_cells(h[0].mesh, level.factor)
+        one = LevelCheck(
+            i,
+            level.mesh.n_points,
+            level.mesh.n_cells,
+            quality.min_angle,
+            quality.max_angle,
+            ratio,
+            nested,
+            level.mesh.n_cells / fewest,
+        )
+        levels.append(one)
+        if i and min_angle is not None and not min_angle < min(one.min_angle, 180 - one.max_angle):
+            failed.append(f"level {i} has angles from {one.min_angle:.2f} to {one.max_angle:.2f}, θ = {min_angle:g}")
+        if i and similarity is not None and not ratio <= similarity:
+            failed.append(f"level {i} has elements {ratio:.2f} times as large as level {i - 1}, I = {similarity:g}")
+    if size is not None and levels[-1].n_cells > size:
+        failed.append(f"the last level has {levels[-1].n_cells} cells, b = {size:g}")
+    return Conditioning(tuple(levels), tuple(failed))
+
+
+_similarity = similarity
