@@ -82,10 +82,16 @@ def _farthest(domain: Domain, vertices: list[int], a: int, b: int) -> tuple[int,
 
 
 def _keep_enough(domain: Domain, kept: Bools) -> None:
-    """Keep three vertices of a closed chain, the ends of an open one."""
+    """Keep three vertices of a closed chain, the ends of an open one, one more of a slit whose sides share both ends."""
     for chain in domain.chains:
         if not chain.closed:
             kept[[chain.vertices[0], chain.vertices[-1]]] = True
+            (left, right), (left_end, right_end) = chain.edges[0].sides, chain.edges[-1].sides
+            is_slit = not chain.edges[0].interior and left.tail == right.tail and left_end.head == right_end.head
+            last = len(chain.vertices) - 1
+            if is_slit and last > 1 and not kept[chain.vertices[1:last]].any():
+                middle = int(np.searchsorted(chain.arc, chain.length / 2.0))
+                kept[chain.vertices[min(max(middle, 1), last - 1)]] = True
             continue
         held = [v for v in chain.vertices if kept[v]][:3]
         while len(held) < 3:

@@ -4,7 +4,8 @@ Level i is spaced by the C^i-coarsening of the input's spacing, coarsest level f
 of the coarser one, so that levels are node-nested (Lemma 3.6).
 
 As printed, every level looks at every node. With ``candidates="pool"``, level i draws its interior nodes from a maximal
-independent set made with the spacing f_i / C^m (C^m >= 4), which was drawn from the pool of level i - 1 in turn.
+independent set made with the spacing f_i / C^m (C^m >= 4), which was drawn from the pool of level i - 1 in turn; the
+first pool also serves the levels before its own that are at least about twice as coarse as it.
 
 The paper takes the number of levels as given. Without one, it is the first level whose own (not nested) mesh has at
 most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
@@ -29,6 +30,8 @@ from .spacing import capped, nearest, threshold
 if TYPE_CHECKING:
     from coarsen.options import Options
 
+LEAST_RATIO = 1.9
+"""How much finer than a level the pool must be that it draws from, where that pool serves several levels."""
 STALL = 0.95
 """A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth."""
 MAX_LEVELS = 512
@@ -52,7 +55,7 @@ def power(factor: float, i: int) -> float:
 
 @dataclass(frozen=True)
 class Pool:
-    """Candidates, their places in the finest pool, f at them (of the one level that draws from here), and visits."""
+    """Candidates, their places in the finest pool, f at them (of the level it is made for), and visits."""
 
     candidates: Candidates
     members: Ints
@@ -67,7 +70,7 @@ class Builder:
         self, points: Floats, cells: Ints, facets: FacetArrays, spacing: Floats | None, options: Options
     ) -> None:
         self.points, self.cells, self.options = points, cells, options
-        self.rules = Rules(options.beta, options.delta, options.gradation, options.features != "plain")
+        self.rules = Rules(options.beta, options.delta, options.gradation, options.features in {"keep", "auto"})
         self.domain = Domain(points, facets, math.cos(math.radians(options.feature_angle)))
         nodes = candidate_nodes(points, self.domain)
         finest = Candidates(points[nodes], nodes)
@@ -109,7 +112,8 @@ class Builder:
         """Make pools up to the one that level i draws from, and return its number."""
         if self.options.candidates != "pool":
             return 0
-        wanted = max(i - self.lag, 0)
+        is_fine = power(self.options.factor, i) < LEAST_RATIO * power(self.options.factor, 1)
+        wanted = 0 if is_fine else max(i - self.lag, 1)
         while len(self.pools) <= wanted:
             last, facets = self.pools[-1], len(self.domain)
             f = self.spacing_in(len(self.pools) + self.lag, last)
@@ -128,7 +132,7 @@ class Builder:
         pool = self.pools[p]
         candidate_of = np.full(len(self.points), -1)
         candidate_of[pool.candidates.nodes] = np.arange(len(pool.candidates.nodes))
-        f = pool.f if p > 0 else self.spacing_in(i, pool)
+        f = pool.f if p > 0 and i == p + self.lag else self.spacing_in(i, pool)
         choice, f = select(self.domain, pool.candidates, f, seeds, candidate_of, self.rules)
         for v, copies in enumerate(self.domain.copies):
             candidate_of[copies] = v
