@@ -8,14 +8,13 @@
 //!
 //! A mesh of the line is checked by [`line`].
 
+pub mod around;
 pub mod boxes;
 pub mod cells;
 pub mod edges;
 pub mod line;
 pub mod outline;
 pub mod quality;
-pub mod repair;
-mod rays;
 pub mod sliding;
 
 use crate::error::{Broken, Error};

@@ -16,8 +16,10 @@ impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
         let text = error.to_string();
         match error {
-            Error::Mesh(_) => Python::attach(|py| {
-                match py.import("coarsen.errors").and_then(|m| m.getattr("MeshError")).and_then(|c| c.call1((text,))) {
+            Error::Mesh(broken) => Python::attach(|py| {
+                let (rule, array, index, more) = broken.place();
+                let class = py.import("coarsen.errors").and_then(|module| module.getattr("MeshError"));
+                match class.and_then(|class| class.call1((text, rule, array, index, more))) {
                     Ok(exception) => PyErr::from_value(exception),
                     Err(error) => error,
                 }
