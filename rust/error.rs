@@ -15,12 +15,6 @@ pub enum Error {
     Internal(String),
 }
 
-impl From<Broken> for Error {
-    fn from(broken: Broken) -> Self {
-        Error::Mesh(broken)
-    }
-}
-
 impl fmt::Display for Error {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -45,7 +39,15 @@ pub enum Broken {
     /// A coordinate is NaN, infinite, or so large that products of coordinates overflow.
     Coordinate { point: usize, at: Vec<f64>, more: usize },
     /// An index under 0 or over n - 1.
-    IndexOutOfRange { array: &'static str, row: usize, column: usize, value: i64, n: usize, one_based: bool, more: usize },
+    IndexOutOfRange {
+        array: &'static str,
+        row: usize,
+        column: usize,
+        value: i64,
+        n: usize,
+        one_based: bool,
+        more: usize,
+    },
     /// A cell names a node twice.
     RepeatedNode { cell: usize, nodes: Vec<u32>, more: usize },
     /// The nodes of a cell lie on one line.

@@ -21,7 +21,12 @@ class MeshError(ValueError):
     """
 
     def __init__(
-        self, message: str = "", rule: str | None = None, array: str | None = None, index: int | None = None, more: int = 0
+        self,
+        message: str = "",
+        rule: str | None = None,
+        array: str | None = None,
+        index: int | None = None,
+        more: int = 0,
     ) -> None:
         super().__init__(message)
         self.rule = rule

@@ -88,8 +88,9 @@ impl<'o, 'a> Around<'o, 'a> {
         }
         for (k, v) in outline.places.iter().enumerate() {
             // one that arrives closes before another one opens in the same direction
-            rays[start[k] as usize..start[k + 1] as usize]
-                .sort_unstable_by(|a, b| turn(v, &a.to, &b.to).then(a.sign.cmp(&b.sign)).then(a.segment.cmp(&b.segment)));
+            rays[start[k] as usize..start[k + 1] as usize].sort_unstable_by(|a, b| {
+                turn(v, &a.to, &b.to).then(a.sign.cmp(&b.sign)).then(a.segment.cmp(&b.segment))
+            });
         }
         Around { outline, start, rays }
     }

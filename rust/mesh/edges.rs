@@ -14,7 +14,7 @@
 
 use super::Facet;
 use super::cells::{Found, refuse_range};
-use crate::error::{Broken, Error};
+use crate::error::Broken;
 use crate::point::NONE;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -75,7 +75,7 @@ impl<'a> Given<'a> {
 struct Half(u64);
 
 impl Half {
-    fn new(other: u32, down: bool, cell: u32) -> u64 {
+    fn bits(other: u32, down: bool, cell: u32) -> u64 {
         u64::from(other) << 32 | u64::from(down) << 31 | u64::from(cell)
     }
 
@@ -112,7 +112,7 @@ fn buckets(n: usize, cells: &[[u32; 3]]) -> (Vec<u32>, Vec<Half>) {
     cells.par_iter().with_min_len(BLOCK).enumerate().for_each(|(cell, &nodes)| {
         for [tail, head] in sides(nodes) {
             let slot = end[tail.min(head) as usize].fetch_add(1, Ordering::Relaxed);
-            slots[slot as usize].store(Half::new(tail.max(head), tail > head, cell as u32), Ordering::Relaxed);
+            slots[slot as usize].store(Half::bits(tail.max(head), tail > head, cell as u32), Ordering::Relaxed);
         }
     });
     // filling moved every start to the end of its bucket, which is the start of the next
@@ -136,7 +136,7 @@ pub fn facets(
     flip: &[u32],
     given: Option<&Given<'_>>,
     tags: Option<&[i64]>,
-) -> Result<(Vec<Facet<2>>, Vec<Facet<2>>), Error> {
+) -> Result<(Vec<Facet<2>>, Vec<Facet<2>>), Broken> {
     let (end, mut halves) = buckets(n, cells);
     let mut pieces = Vec::with_capacity(n / BLOCK + 1);
     let mut rest: &mut [Half] = &mut halves;
@@ -162,7 +162,7 @@ pub fn facets(
         .collect();
     let count: usize = blocks.iter().map(|block| block.count).sum();
     if let Some([a, b]) = blocks.iter().find_map(|block| block.wrong) {
-        return Err(diagnose(cells, flip, [a, b], count - 1).into());
+        return Err(diagnose(cells, flip, [a, b], count - 1));
     }
     if let Some(given) = given {
         given.refuse_unknown()?;

@@ -3,7 +3,7 @@
 
 use super::cells::{Found, refuse_coordinates, refuse_orphans, refuse_range};
 use super::{Facet, Index, Topology, refuse_sizes};
-use crate::error::{Broken, Error};
+use crate::error::Broken;
 use crate::point::{NONE, Point};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -15,7 +15,7 @@ pub fn check<I: Index>(
     cells: &[[I; 2]],
     facets: Option<&[[i64; 1]]>,
     cell_tags: Option<&[i64]>,
-) -> Result<Topology<1>, Error> {
+) -> Result<Topology<1>, Broken> {
     refuse_sizes(points.len(), cells.len())?;
     refuse_coordinates(points)?;
     refuse_range("cells", cells, points.len())?;
@@ -50,7 +50,7 @@ pub fn check<I: Index>(
         let twin = (0..points.len() as u32).find(|&other| other != a && x(other) == x(a)).unwrap_or(a);
         let why = "a cell there has both its ends doubled";
         let broken = Broken::CoincidentNodes { nodes: [a.min(twin), a.max(twin)], at: vec![x(a)], why, more: 0 };
-        return Err(broken.into());
+        return Err(broken);
     }
     let mut given = vec![NONE; points.len()];
     if let Some(facets) = facets {

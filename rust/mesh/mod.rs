@@ -17,7 +17,7 @@ pub mod outline;
 pub mod quality;
 pub mod sliding;
 
-use crate::error::{Broken, Error};
+use crate::error::Broken;
 use crate::point::{NONE, Point};
 
 /// An index as users give it, 32 or 64 bits wide.
@@ -70,7 +70,7 @@ pub fn check<I: Index>(
     cells: &[[I; 3]],
     facets: Option<&[[i64; 2]]>,
     cell_tags: Option<&[i64]>,
-) -> Result<Topology<2>, Error> {
+) -> Result<Topology<2>, Broken> {
     refuse_sizes(points.len(), cells.len())?;
     let (cells, flip) = cells::oriented(points, cells)?;
     let given = facets.map(|facets| edges::Given::new(points.len(), facets)).transpose()?;

@@ -91,11 +91,7 @@ impl<'a> Outline<'a> {
     /// Makes segments of boundary edges. `part` tells the part of each edge, or all are one.
     ///
     /// Runtime: O(b log b).
-    pub fn new(
-        points: &[Point<2>],
-        boundary: &'a [Facet<2>],
-        part: Option<&[u32]>,
-    ) -> Result<Outline<'a>, Broken> {
+    pub fn new(points: &[Point<2>], boundary: &'a [Facet<2>], part: Option<&[u32]>) -> Result<Outline<'a>, Broken> {
         let (places, ends) = weld(points, boundary);
         let part_of = |edge: u32| part.map_or(0, |part| part[edge as usize]);
         let key = |edge: u32| {

@@ -1,12 +1,12 @@
 //! Bindings of `mesh`.
 
+use super::arrays::rows;
 use super::run::run;
 use crate::error::Error;
 use crate::mesh::{self, Facet, Topology, line, quality};
 use crate::point::NONE;
-use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
-};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -21,18 +21,6 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
 enum Cells<'py> {
     Narrow(PyReadonlyArray2<'py, i32>),
     Wide(PyReadonlyArray2<'py, i64>),
-}
-
-/// An array of shape (n, K) as rows, without a copy.
-fn rows<'a, T: numpy::Element, const K: usize>(
-    name: &str,
-    array: &'a PyReadonlyArray2<'_, T>,
-) -> Result<&'a [[T; K]], Error> {
-    let wrong = || Error::Argument(format!("'{name}' has shape {:?}, expected (n, {K}) in C order", array.shape()));
-    if array.shape()[1] != K || !array.is_c_contiguous() {
-        return Err(wrong());
-    }
-    Ok(array.as_slice().map_err(|_| wrong())?.as_chunks::<K>().0)
 }
 
 #[pyfunction]
@@ -65,11 +53,11 @@ fn check_plane<'py>(
     let topology = match cells {
         Cells::Narrow(cells) => {
             let cells = rows::<i32, 3>("cells", cells)?;
-            run(py, threads, None, |_| mesh::check(points, cells, facets, tags))?
+            run(py, threads, None, |_| mesh::check(points, cells, facets, tags).map_err(Error::Mesh))?
         }
         Cells::Wide(cells) => {
             let cells = rows::<i64, 3>("cells", cells)?;
-            run(py, threads, None, |_| mesh::check(points, cells, facets, tags))?
+            run(py, threads, None, |_| mesh::check(points, cells, facets, tags).map_err(Error::Mesh))?
         }
     };
     wrap(py, topology)
@@ -89,11 +77,11 @@ fn check_line<'py>(
     let topology = match cells {
         Cells::Narrow(cells) => {
             let cells = rows::<i32, 2>("cells", cells)?;
-            run(py, threads, None, |_| line::check(points, cells, facets, tags))?
+            run(py, threads, None, |_| line::check(points, cells, facets, tags).map_err(Error::Mesh))?
         }
         Cells::Wide(cells) => {
             let cells = rows::<i64, 2>("cells", cells)?;
-            run(py, threads, None, |_| line::check(points, cells, facets, tags))?
+            run(py, threads, None, |_| line::check(points, cells, facets, tags).map_err(Error::Mesh))?
         }
     };
     wrap(py, topology)
