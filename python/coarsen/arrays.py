@@ -1,4 +1,4 @@
-"""Arrays of a mesh at the door: converted to what the core takes, or refused with a message that says what was wrong."""
+"""Arrays of a mesh at the door: converted to what the core takes, or refused with words."""
 
 from __future__ import annotations
 

@@ -87,10 +87,10 @@ class Mesh:
     Raises
     ------
     MeshError
-        If the mesh breaks a rule: a coordinate that isn't finite, an index out of range, a repeated node within a cell, a
-        cell of zero area, a duplicate cell, an edge with three cells, a node in no cell, coincident nodes that are no
-        slit, overlapping or inverted cells, a hanging node, wrong shape or dtype. The message names the rule, the array,
-        the first index and its value, and how many more. `Mesh.repaired` mends some of it.
+        If the mesh breaks a rule: a coordinate that isn't finite, an index out of range, a repeated node within a cell,
+        a cell of zero area, a duplicate cell, an edge with three cells, a node in no cell, coincident nodes that are no
+        slit, overlapping or inverted cells, a hanging node, wrong shape or dtype. The message names the rule, the
+        array, the first index and its value, and how many more. `Mesh.repaired` mends some of it.
 
     Notes
     -----
@@ -412,8 +412,8 @@ def _refuse_two_tags(facets: NDArray[Any], tags: NDArray[Any], topology: Topolog
         first = first_row[tuple(sorted(facets[row].tolist()))]
         if tags[row] != tags[first]:
             raise MeshError(
-                f"'facets' row {row} is {facets[row].tolist()} with tag {tags[row]}, the same facet as row {first} with "
-                f"tag {tags[first]}; give each facet one tag",
+                f"two tags: 'facets' row {row} is {facets[row].tolist()} with tag {tags[row]}, the facet of row "
+                f"{first} with tag {tags[first]}; give each facet one tag",
                 rule="two tags",
                 array="facets",
                 index=row,

@@ -78,7 +78,7 @@ class Options:
     coarsest: int = _option(100, "stop at the first level with at most this many cells")
     nested: bool = _option(True, "node-nested levels, or each level on its own")
     method: str = _option("function", "coarsened spacing function, threshold (quasi-uniform) or skeleton baseline")
-    spacing: Spacing = _option("nearest", "spacing of the mesh: nearest neighbour or balanced quadtree")
+    spacing: Spacing = _option("nearest", "spacing of the mesh: nearest neighbour or balanced quadtree")  # noqa: RUF009
     beta: float = _option(2.0, "β > 1 of the conflict graph")
     delta: float = _option(0.5, "δ >= 0: interior nodes stay δ·f away from facets")
     gradation: float = _option(0.7, "Lipschitz constant in (0, 1] of the coarsened spacing; 1 is the paper's")

@@ -13,6 +13,9 @@ from .arrays import index_rows, points_array, tags_array
 from .errors import MeshError
 from .mesh import Mesh
 
+TRIES = 64
+"""Places merged one by one before all are merged at once."""
+
 
 @dataclass(frozen=True, eq=False)
 class Repairs:
@@ -74,8 +77,8 @@ def repaired(
     """Mend a mesh: drop what means nothing, merge what is doubled without being a slit.
 
     Nodes in no cell, cells that name a node twice or have no area, and repeated cells are dropped; clockwise cells are
-    turned. Nodes that share coordinates are merged where they are no two sides of a slit: all of them if all cells are a
-    soup of triangles, each with nodes of its own; otherwise those places that make the mesh illegal. Slits stay.
+    turned. Nodes that share coordinates are merged where they are no two sides of a slit: all of them if the cells are
+    a soup of triangles, each with nodes of its own; otherwise those that make the mesh illegal. Slits stay.
 
     Parameters
     ----------
@@ -91,8 +94,8 @@ def repaired(
     Raises
     ------
     MeshError
-        If the mesh breaks a rule that can't be mended: coordinates that aren't finite, indices out of range, an edge with
-        three different cells, overlapping cells, hanging nodes.
+        If the mesh breaks a rule that can't be mended: coordinates that aren't finite, indices out of range, an edge
+        with three different cells, overlapping cells, hanging nodes.
 
     Examples
     --------
@@ -125,7 +128,7 @@ def repaired(
 
 
 class _Mending:
-    """A mesh while it is mended: `node` maps given nodes to the ones that stand for them, `kept` says which cells stay."""
+    """A mesh while it is mended: `node` maps nodes to those that stand for them, `kept` says which cells stay."""
 
     def __init__(self, points: NDArray[np.float64], cells: NDArray[np.int64]) -> None:
         self.points = points
@@ -159,22 +162,43 @@ class _Mending:
         return nodes, inverse.reshape(cells.shape)
 
     def merge_until_legal(self) -> None:
-        """Merge coincident nodes where the core finds them to be no slit: there, or everywhere if that is not enough."""
+        """Merge coincident nodes where the core finds them to be no slit, or everywhere where that is not enough."""
         place = _places(self.points)
-        while True:
+        for _ in range(TRIES):
             nodes, cells = self.compact()
             try:
                 Mesh(self.points[nodes], cells)
             except MeshError as error:
-                if error.rule != "coincident nodes" or error.index is None:
-                    if error.rule == "hanging node" or not self._merge_all(place):
-                        raise
-                elif _is_soup(error) or not self._merge_at(place, int(nodes[error.index])):
-                    if not self._merge_all(place):
-                        raise
+                if error.rule == "zero area":
+                    mended = self._drop_crowding()
+                elif error.rule == "coincident nodes" and error.index is not None and not _is_soup(error):
+                    mended = self._merge_at(place, int(nodes[error.index])) or self._merge_all(place)
+                else:
+                    mended = error.rule == "coincident nodes" and self._merge_all(place)
+                if not mended:
+                    raise
                 self.drop_bad_cells()
             else:
                 return
+        self._merge_all(place)
+        self.drop_bad_cells()
+
+    def _drop_crowding(self) -> bool:
+        """Drop cells without an area, but for rounding, that share an edge with two others."""
+        cells = self.node[self.cells]
+        alive = np.flatnonzero(self.kept)
+        sides = np.sort(np.concatenate([cells[alive][:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+        _, edge, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+        crowded = (count[edge.reshape(-1)] > 2).reshape(3, -1).any(axis=0)
+        corners = self.points[cells[alive]]
+        lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        flat = area <= 4 * np.finfo(np.float64).eps * np.abs(corners).max(axis=(1, 2)) * lengths
+        bad = np.zeros(len(cells), dtype=np.bool_)
+        bad[alive[crowded & flat]] = True
+        self.drop("zero_area", bad)
+        return bool(bad.any())
 
     def _merge_at(self, place: NDArray[np.int64], node: int) -> bool:
         twins = np.flatnonzero(place == place[node])

@@ -15,7 +15,7 @@
 use super::Facet;
 use super::cells::{Found, refuse_range};
 use crate::error::Broken;
-use crate::point::NONE;
+use crate::point::{NONE, Point, distance, orient};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -131,12 +131,13 @@ struct Block {
 
 /// Boundary and interior facets of counter-clockwise cells.
 pub fn facets(
-    n: usize,
+    points: &[Point<2>],
     cells: &[[u32; 3]],
     flip: &[u32],
     given: Option<&Given<'_>>,
     tags: Option<&[i64]>,
 ) -> Result<(Vec<Facet<2>>, Vec<Facet<2>>), Broken> {
+    let n = points.len();
     let (end, mut halves) = buckets(n, cells);
     let mut pieces = Vec::with_capacity(n / BLOCK + 1);
     let mut rest: &mut [Half] = &mut halves;
@@ -162,7 +163,7 @@ pub fn facets(
         .collect();
     let count: usize = blocks.iter().map(|block| block.count).sum();
     if let Some([a, b]) = blocks.iter().find_map(|block| block.wrong) {
-        return Err(diagnose(cells, flip, [a, b], count - 1));
+        return Err(diagnose(points, cells, flip, [a, b], count - 1));
     }
     if let Some(given) = given {
         given.refuse_unknown()?;
@@ -206,9 +207,17 @@ impl Block {
     }
 }
 
-/// Says what is wrong where an edge has two sides in the same direction: duplicate cells first, then three cells at an
-/// edge, then cells on the same side of an edge.
-fn diagnose(cells: &[[u32; 3]], flip: &[u32], [a, b]: [u32; 2], more: usize) -> Broken {
+/// Whether the area of a cell is less than rounding its nodes to floats can make.
+fn is_flat_but_for_rounding(points: &[Point<2>], cell: [u32; 3]) -> bool {
+    let [a, b, c] = cell.map(|node| points[node as usize]);
+    let largest = [a, b, c].iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let longest = distance(&a, &b).max(distance(&b, &c)).max(distance(&c, &a));
+    orient(&a, &b, &c) <= 2.0 * f64::EPSILON * largest * longest
+}
+
+/// Says what is wrong where an edge has two sides in the same direction: duplicate cells first, then cells without an area
+/// but for rounding, then three cells at an edge, then cells on the same side of an edge.
+fn diagnose(points: &[Point<2>], cells: &[[u32; 3]], flip: &[u32], [a, b]: [u32; 2], more: usize) -> Broken {
     let sorted = |nodes: [u32; 3]| {
         let mut nodes = nodes;
         nodes.sort_unstable();
@@ -239,6 +248,10 @@ fn diagnose(cells: &[[u32; 3]], flip: &[u32], [a, b]: [u32; 2], more: usize) -> 
         (0..cells.len() as u32).filter(|&c| edge.iter().all(|v| cells[c as usize].contains(v))).collect()
     };
     let beside = around([a, b]);
+    let flat = |&&cell: &&u32| is_flat_but_for_rounding(points, cells[cell as usize]);
+    if let Some(&cell) = beside.iter().find(flat) {
+        return Broken::ZeroArea { cell: cell as usize, nodes: cells[cell as usize].to_vec(), more: 0 };
+    }
     if beside.len() > 2 {
         return Broken::CrowdedEdge { nodes: vec![a, b], cells: beside, more };
     }

@@ -74,7 +74,7 @@ pub fn check<I: Index>(
     refuse_sizes(points.len(), cells.len())?;
     let (cells, flip) = cells::oriented(points, cells)?;
     let given = facets.map(|facets| edges::Given::new(points.len(), facets)).transpose()?;
-    let (boundary, interior) = edges::facets(points.len(), &cells, &flip, given.as_ref(), cell_tags)?;
+    let (boundary, interior) = edges::facets(points, &cells, &flip, given.as_ref(), cell_tags)?;
     let layer = sliding::layers(points, &cells, &boundary)?;
     let n_boundary = boundary.len();
     let mut facets = boundary;
