@@ -104,8 +104,8 @@ def test_large_sets_agree_too():
 
 # --- hierarchies -----------------------------------------------------------------------------------------------------
 
-# The guard starts from one of many triangulations where points are cocircular, so it is as good as off here.
-NO_GUARD = {"min_angle": 1e-9}
+# The guard starts from one of many triangulations where points are cocircular, so it is off here.
+NO_GUARD = {"min_angle": 0.0}
 OPTIONS = {
     "as in the paper": {"features": "plain", "gradation": 1.0, "candidates": "all", "beta": 3.0},
     "default": NO_GUARD,

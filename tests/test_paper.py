@@ -1,7 +1,7 @@
 """The measurable statements of Miller, Talmor and Teng (1997) as inequalities, and the tables of section 6.
 
-Where a constant of the paper is unsafe as printed (4.7 to 4.9), the statement's shape is tested: a bound exists and does
-not grow with level or size. L of Theorem 4.8 is measured on the mesh.
+Where a constant of the paper is unsafe as printed (4.7 to 4.9), the statement's shape is tested: a bound exists and
+does not grow with level or size. L of Theorem 4.8 is measured on the mesh.
 """
 
 from __future__ import annotations
@@ -36,6 +36,11 @@ TABLE_2_NODES = (1215, 289, 76)
 TABLE_2_ANGLES = (18.43, 14.04, 3.37)
 
 
+def anywhere(rng, points, count):
+    """Locations in and around a point set."""
+    return points[rng.integers(0, len(points), count)] + rng.normal(size=(count, points.shape[1])) * np.ptp(points)
+
+
 # --- spacing functions (sections 3 to 5) -----------------------------------------------------------------------------
 
 
@@ -47,9 +52,7 @@ def test_nearest_is_1_lipschitz_and_a_2_spacing(d):
         g = nearest(points)
         if np.isinf(g).any():
             continue
-        x = np.concatenate(
-            [points, points[rng.integers(0, len(points), 30)] + rng.normal(size=(30, d)) * np.ptp(points)]
-        )
+        x = np.concatenate([points, anywhere(rng, points, 30)])
         assert_is_lipschitz(x, nearest(points, at=x))
         assert_is_spaced(points, g, 2.0)
 
@@ -60,19 +63,14 @@ def test_coarsened_is_the_largest_1_lipschitz_function_under_the_grown_spacing(d
     rng = np.random.default_rng(SEED)
     for points in clouds(SEED + 1, 150, d):
         g, factor = np.minimum(nearest(points), 1e9), float(rng.uniform(1.1, 9))
-        x = np.concatenate(
-            [points, points[rng.integers(0, len(points), 30)] + rng.normal(size=(30, d)) * np.ptp(points)]
-        )
+        x = np.concatenate([points, anywhere(rng, points, 30)])
         f = coarsened(points, g, factor, at=x)
         assert_is_lipschitz(x, f)
         assert (f[: len(points)] <= factor * g).all()
         # any sites, heights and slopes, lowered until nothing is above C g at P
-        sites = points[rng.integers(0, len(points), 4)] + rng.normal(size=(4, d)) * np.ptp(points)
-
-        def other(at, sites=sites, slope=rng.uniform(0.2, 1), height=rng.random(4) * np.ptp(points)):
-            return (height + slope * distances(at, sites)).min(axis=1)
-
-        h = other(x) - max(float((other(points) - factor * g).max()), 0.0)
+        heights, slope = rng.random(4) * np.ptp(points), rng.uniform(0.2, 1)
+        h = (heights + slope * distances(x, anywhere(rng, points, 4))).min(axis=1)
+        h -= max(float((h[: len(points)] - factor * g).max()), 0.0)
         assert (h <= f * (1 + 1e-12) + 1e-12 * np.abs(x).max()).all()
 
 
@@ -186,7 +184,7 @@ def test_threshold_and_function_agree_within_constants_on_quasi_uniform_meshes()
 
 
 def test_nearest_and_edge_length_are_equivalent_on_well_shaped_meshes_of_any_size():
-    """Theorem 4.4 and Lemma 4.6: NN / el, and so the NN-area of triangles, between constants that do not move with n."""
+    """Theorem 4.4 and Lemma 4.6: NN / el, and so the NN-area of triangles, between constants the same for all n."""
     measured = []
     for n in (300, 1200, 4800):
         mesh = coarsen.gallery.crack_plate(n)
@@ -243,7 +241,7 @@ def test_independent_sets_of_a_doubling_line_square_its_aspect_ratio_each_time()
 
 
 def test_function_based_levels_of_a_doubling_line_keep_their_aspect_ratio():
-    """Each further level loses about one node for each doubling of C: no gradient of depth log n is well-conditioned."""
+    """Each further level loses about one node for each doubling of C: none of depth log n is well-conditioned."""
     h = coarsen.hierarchy(coarsen.gallery.line(40, growth=2.0), levels=12, beta=2.0, gradation=1.0, features="plain")
     assert_node_nested(h)
     for level in h[1:]:

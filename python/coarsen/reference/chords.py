@@ -82,7 +82,7 @@ def _farthest(domain: Domain, vertices: list[int], a: int, b: int) -> tuple[int,
 
 
 def _keep_enough(domain: Domain, kept: Bools) -> None:
-    """Keep three vertices of a closed chain, the ends of an open one, one more of a slit whose sides share both ends."""
+    """Keep three vertices of a closed chain, the ends of an open one, and one more of a slit with both ends shared."""
     for chain in domain.chains:
         if not chain.closed:
             kept[[chain.vertices[0], chain.vertices[-1]]] = True
