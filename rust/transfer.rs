@@ -1,1 +1,12 @@
-//! Point location and prolongation.
+//! Transfer between two levels: where the nodes and the cells of one mesh lie in another.
+//!
+//! `halfedges` is the adjacency of the mesh that is walked in, `walk` goes from a located point to a neighbour along a
+//! straight line, `prolongation` locates all nodes of a finer mesh that way and writes their barycentric weights as
+//! compressed rows, `overlap` does the same for cells and areas. `galerkin` multiplies the rows.
+
+pub mod galerkin;
+pub mod halfedges;
+pub mod overlap;
+pub mod prolongation;
+pub mod rows;
+pub mod walk;

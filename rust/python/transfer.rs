@@ -1,8 +1,114 @@
 //! Bindings of `transfer`.
 
+use super::arrays::{cells, rows};
+use super::run::run;
+use crate::error::Error;
+use crate::point::NONE;
+use crate::transfer::halfedges::HalfEdges;
+use crate::transfer::rows::{Rows, RowsRef};
+use crate::transfer::{galerkin, overlap, prolongation};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 
+/// `indptr`, `indices` and `data` of a matrix by rows.
+type Matrix<'py> = (Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<f64>>);
+type Indices<'py> = Bound<'py, PyArray1<i64>>;
+
+fn matrix(py: Python<'_>, rows: Rows) -> Matrix<'_> {
+    (rows.indptr.into_pyarray(py), rows.indices.into_pyarray(py), rows.data.into_pyarray(py))
+}
+
+/// Finer node of each coarse node, -1 for none.
+fn injected(injection: &PyReadonlyArray1<'_, i64>, coarse: usize) -> Result<Vec<u32>, Error> {
+    let given = super::arrays::values("injection", injection, coarse)?;
+    Ok(given.iter().map(|&i| u32::try_from(i).unwrap_or(NONE)).collect())
+}
+
+/// Interpolation from a coarse mesh to the nodes of a finer one, as a matrix by rows; the nodes that lie outside of the
+/// coarse mesh and their distances; the nodes of parts that the coarse mesh has not.
+#[pyfunction(name = "prolongation")]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+fn py_prolongation<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<'py, f64>,
+    cells_: Bound<'py, PyUntypedArray>,
+    coarse_points: PyReadonlyArray2<'py, f64>,
+    coarse_cells: Bound<'py, PyUntypedArray>,
+    injection: PyReadonlyArray1<'py, i64>,
+    threads: Option<usize>,
+) -> PyResult<(Matrix<'py>, Indices<'py>, Bound<'py, PyArray1<f64>>, Indices<'py>)> {
+    let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
+    let (fine, coarse) = (cells(&cells_, points.len())?, cells(&coarse_cells, coarse_points.len())?);
+    let injection = injected(&injection, coarse_points.len())?;
+    let (made, outside, lost) = run(py, threads, None, |_| {
+        let coarse = HalfEdges::new(coarse_points, &coarse)?;
+        let located = prolongation::locate(points, &fine, &coarse, &injection)?;
+        let (made, outside) = prolongation::weights(points, &coarse, &located.places)?;
+        Ok((made, outside, located.lost))
+    })?;
+    let index = |nodes: Vec<u32>| nodes.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py);
+    let (nodes, distances): (Vec<u32>, Vec<f64>) = outside.into_iter().unzip();
+    Ok((matrix(py, made), index(nodes), distances.into_pyarray(py), index(lost)))
+}
+
+/// Areas that the cells of a finer mesh share with those of a coarse one, as a matrix by rows.
+#[pyfunction(name = "overlap")]
+fn py_overlap<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<'py, f64>,
+    cells_: Bound<'py, PyUntypedArray>,
+    coarse_points: PyReadonlyArray2<'py, f64>,
+    coarse_cells: Bound<'py, PyUntypedArray>,
+    injection: PyReadonlyArray1<'py, i64>,
+    threads: Option<usize>,
+) -> PyResult<Matrix<'py>> {
+    let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
+    let (fine, coarse) = (cells(&cells_, points.len())?, cells(&coarse_cells, coarse_points.len())?);
+    let injection = injected(&injection, coarse_points.len())?;
+    let made = run(py, threads, None, |_| {
+        let coarse = HalfEdges::new(coarse_points, &coarse)?;
+        let located = prolongation::locate(points, &fine, &coarse, &injection)?;
+        overlap::areas(points, &fine, &coarse, &located.places)
+    })?;
+    Ok(matrix(py, made))
+}
+
+/// A matrix by rows as it comes from SciPy.
+#[derive(FromPyObject)]
+struct PyRows<'py> {
+    indptr: PyReadonlyArray1<'py, i32>,
+    indices: PyReadonlyArray1<'py, i32>,
+    data: PyReadonlyArray1<'py, f64>,
+    shape: (usize, usize),
+}
+
+impl PyRows<'_> {
+    fn view(&self, name: &str) -> PyResult<RowsRef<'_>> {
+        let (indptr, indices, data) = (self.indptr.as_slice()?, self.indices.as_slice()?, self.data.as_slice()?);
+        Ok(RowsRef::checked(name, self.shape.1, indptr, indices, data)?)
+    }
+}
+
+/// `p.T` and `p.T @ a @ p`, by rows.
+#[pyfunction(name = "galerkin")]
+fn py_galerkin<'py>(
+    py: Python<'py>,
+    a: PyRows<'py>,
+    p: PyRows<'py>,
+    threads: Option<usize>,
+) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+    let (a, p) = (a.view("A")?, p.view("P")?);
+    let (restriction, made) = run(py, threads, None, |_| {
+        let restriction = p.transposed();
+        let made = galerkin::triple(restriction.view(), a, p)?;
+        Ok((restriction, made))
+    })?;
+    Ok((matrix(py, restriction), matrix(py, made)))
+}
+
 /// Adds this file's functions to the module.
-pub fn register(_m: &Bound<'_, PyModule>) -> PyResult<()> {
-    Ok(())
+pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_function(wrap_pyfunction!(py_prolongation, m)?)?;
+    m.add_function(wrap_pyfunction!(py_overlap, m)?)?;
+    m.add_function(wrap_pyfunction!(py_galerkin, m)?)
 }

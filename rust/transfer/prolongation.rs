@@ -1,0 +1,249 @@
+//! Piecewise-linear interpolation from a mesh to the nodes of a finer one.
+//!
+//! Nodes that the meshes share are known. From them the search spreads over the edges of the finer mesh, in rounds: a
+//! node is located by a walk from the least of its neighbours that were located before. Edges of the finer mesh cross no
+//! slit and no wall, nor do the walks, so a node stays on its own side. Rounds and choices depend on indices only,
+//! never on threads.
+//!
+//! Which neighbours may start a walk. Around the tip of a slit, or where parts only touch, one node belongs to several
+//! sides, and a direction alone may point to the wrong one. So nodes inside the finer domain come first; those on its
+//! boundary only where nothing else is left to go on from, and tips last of all.
+//!
+//! Parts of the finer mesh that share no node with the coarse one (parts that were dropped; levels that are not nested)
+//! are searched for from one node each: in all cells, else on all boundary edges.
+
+use super::halfedges::HalfEdges;
+use super::rows::Rows;
+use super::walk::{INSIDE, Place, anywhere, walk};
+use crate::error::Error;
+use crate::point::{NONE, Point, distance};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Where the nodes of a finer mesh lie.
+pub struct Located {
+    /// By node of the finer mesh.
+    pub places: Vec<Place>,
+    /// Nodes of parts that share no node with the coarse mesh and do not lie in it either, ascending.
+    pub lost: Vec<u32>,
+}
+
+/// Nodes shorter than this in number are walked to on one thread at a time.
+const GRAIN: usize = 512;
+
+/// Locates the nodes of a finer mesh in a coarser one; `injection` has the finer node of each coarse node, or `NONE`.
+///
+/// Cells of both counter-clockwise. Runtime: O(n + m).
+pub fn locate(
+    points: &[Point<2>],
+    cells: &[[u32; 3]],
+    coarse: &HalfEdges<'_>,
+    injection: &[u32],
+) -> Result<Located, Error> {
+    if coarse.cells.is_empty() {
+        return Err(Error::Argument("the coarse mesh has no cells".into()));
+    }
+    let mut search = Search::new(points, cells, coarse, injection)?;
+    search.run()?;
+    let lost = (0..points.len() as u32).filter(|&v| search.status[v as usize] & LOST != 0).collect();
+    Ok(Located { places: search.places, lost })
+}
+
+/// The matrix of the weights, and the distance of each node that lies outside of the coarse mesh.
+pub fn weights(points: &[Point<2>], coarse: &HalfEdges<'_>, places: &[Place]) -> Result<(Rows, Vec<(u32, f64)>), Error> {
+    let counts = places.iter().map(|place| place.weights.iter().filter(|&&w| w > 0.0).count());
+    let indptr = Rows::starts(counts)?;
+    let entries = indptr[places.len()] as usize;
+    let (mut indices, mut data) = (vec![0i32; entries], vec![0.0; entries]);
+    let mut chunks = Vec::new();
+    let (mut free_indices, mut free_data) = (&mut indices[..], &mut data[..]);
+    for rows in places.chunks(CHUNK) {
+        let first = chunks.len() * CHUNK;
+        let size = (indptr[first + rows.len()] - indptr[first]) as usize;
+        let (own_indices, rest) = free_indices.split_at_mut(size);
+        free_indices = rest;
+        let (own_data, rest) = free_data.split_at_mut(size);
+        free_data = rest;
+        chunks.push((rows, own_indices, own_data));
+    }
+    chunks.into_par_iter().for_each(|(rows, indices, data)| {
+        let mut at = 0;
+        for place in rows {
+            let cell = coarse.cells[place.cell as usize];
+            let mut row = [0, 1, 2].map(|k| (cell[k] as i32, place.weights[k]));
+            row.sort_unstable_by_key(|entry| entry.0);
+            for (column, weight) in row.into_iter().filter(|entry| entry.1 > 0.0) {
+                (indices[at], data[at]) = (column, weight);
+                at += 1;
+            }
+        }
+    });
+    let outside = (0..places.len() as u32).filter(|&v| places[v as usize].beyond < INSIDE);
+    let outside = outside.map(|v| (v, distance(&points[v as usize], &point_of(coarse, &places[v as usize])))).collect();
+    Ok((Rows { columns: coarse.points.len(), indptr, indices, data }, outside))
+}
+
+/// Rows that one thread writes at a time.
+const CHUNK: usize = 1 << 14;
+
+/// The point of the coarse mesh that stands for a place.
+fn point_of(coarse: &HalfEdges<'_>, place: &Place) -> Point<2> {
+    let corners = coarse.cells[place.cell as usize].map(|i| coarse.points[i as usize]);
+    [0, 1].map(|d| (0..3).map(|k| place.weights[k] * corners[k][d]).sum())
+}
+
+const FOUND: u8 = 1;
+const ON_BOUNDARY: u8 = 2;
+const LOST: u8 = 4;
+
+/// Which neighbours a walk may start from.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Start {
+    Interior,
+    Boundary,
+    Tip,
+}
+
+struct Search<'a> {
+    points: &'a [Point<2>],
+    cells: &'a [[u32; 3]],
+    coarse: &'a HalfEdges<'a>,
+    places: Vec<Place>,
+    status: Vec<u8>,
+    /// Start of the walk to a node, least first: whether it lies outside, then its index.
+    from: Vec<AtomicU64>,
+    /// Cells that have a node that is not found, but at the beginning, when all are looked at.
+    open: Option<Vec<u32>>,
+    /// Nodes that are not found, ascending.
+    missing: Vec<u32>,
+}
+
+const NOWHERE: u64 = u64::MAX;
+
+impl<'a> Search<'a> {
+    fn new(
+        points: &'a [Point<2>],
+        cells: &'a [[u32; 3]],
+        coarse: &'a HalfEdges<'a>,
+        injection: &[u32],
+    ) -> Result<Self, Error> {
+        let mut places = vec![Place::UNKNOWN; points.len()];
+        let mut status = on_boundary(points.len(), cells);
+        for (c, &v) in injection.iter().enumerate().filter(|&(_, &v)| v != NONE) {
+            let (place, status) = match (places.get_mut(v as usize), status.get_mut(v as usize)) {
+                (Some(place), Some(status)) => (place, status),
+                _ => return Err(Error::Argument(format!("'injection' of node {c} is {v}, out of range"))),
+            };
+            if let Some(&[_, h]) = coarse.leaving(c as u32).first() {
+                *place = Place::at_start(h);
+                *status |= FOUND;
+            }
+        }
+        let missing = (0..points.len() as u32).filter(|&v| status[v as usize] & FOUND == 0).collect();
+        let from = (0..points.len()).map(|_| AtomicU64::new(NOWHERE)).collect();
+        Ok(Self { points, cells, coarse, places, status, from, open: None, missing })
+    }
+
+    fn run(&mut self) -> Result<(), Error> {
+        let mut start = Start::Interior;
+        while !self.missing.is_empty() {
+            self.spread(start);
+            let found = self.round()?;
+            start = match (found, start) {
+                (true, _) => Start::Interior,
+                (false, Start::Interior) => Start::Boundary,
+                (false, Start::Boundary) => Start::Tip,
+                (false, Start::Tip) => {
+                    self.seed();
+                    Start::Interior
+                }
+            };
+        }
+        Ok(())
+    }
+
+    fn may_start(&self, u: u32, start: Start) -> bool {
+        let status = self.status[u as usize];
+        if status & FOUND == 0 {
+            return false;
+        }
+        if status & ON_BOUNDARY == 0 || start == Start::Tip {
+            return true;
+        }
+        let place = &self.places[u as usize];
+        let node = (0..3).find(|&k| place.weights[k] == 1.0).map(|k| self.coarse.cells[place.cell as usize][k]);
+        start == Start::Boundary && !node.is_some_and(|node| self.coarse.is_tip(node))
+    }
+
+    /// Tells every missing node the least neighbour to start from.
+    fn spread(&mut self, start: Start) {
+        let missing = |cell: &[u32; 3]| cell.iter().any(|&v| self.status[v as usize] & FOUND == 0);
+        let open: Vec<u32> = match &self.open {
+            None => (0..self.cells.len() as u32)
+                .into_par_iter()
+                .with_min_len(4096)
+                .filter(|&c| missing(&self.cells[c as usize]))
+                .collect(),
+            Some(open) => {
+                open.par_iter().with_min_len(4096).copied().filter(|&c| missing(&self.cells[c as usize])).collect()
+            }
+        };
+        open.par_iter().with_min_len(4096).for_each(|&c| {
+            let cell = self.cells[c as usize];
+            for &u in cell.iter().filter(|&&u| self.may_start(u, start)) {
+                let outside = u64::from(self.places[u as usize].beyond < INSIDE);
+                for &v in cell.iter().filter(|&&v| self.status[v as usize] & FOUND == 0) {
+                    self.from[v as usize].fetch_min(outside << 32 | u64::from(u), Ordering::Relaxed);
+                }
+            }
+        });
+        self.open = Some(open);
+    }
+
+    /// Walks to all nodes that know where to start; returns whether there were any.
+    fn round(&mut self) -> Result<bool, Error> {
+        let from = |v: u32| self.from[v as usize].load(Ordering::Relaxed);
+        let known: Vec<u32> = self.missing.iter().copied().filter(|&v| from(v) != NOWHERE).collect();
+        let locate = |&v: &u32| {
+            let u = from(v) as u32 as usize;
+            walk(self.coarse, &self.points[u], &self.places[u], &self.points[v as usize])
+        };
+        let found: Vec<Place> = known.par_iter().with_min_len(GRAIN).map(locate).collect::<Result<_, _>>()?;
+        for (&v, place) in known.iter().zip(found) {
+            let u = self.from[v as usize].load(Ordering::Relaxed) as u32 as usize;
+            let lost = if place.beyond < INSIDE { self.status[u] & LOST } else { 0 };
+            self.places[v as usize] = place;
+            self.status[v as usize] |= FOUND | lost;
+        }
+        self.missing.retain(|&v| self.status[v as usize] & FOUND == 0);
+        Ok(!known.is_empty())
+    }
+
+    /// Finds the first missing node by a search of the whole coarse mesh.
+    fn seed(&mut self) {
+        let v = self.missing.remove(0) as usize;
+        self.places[v] = anywhere(self.coarse, &self.points[v]);
+        self.status[v] |= FOUND | if self.places[v].beyond < INSIDE { LOST } else { 0 };
+    }
+}
+
+/// `ON_BOUNDARY` for the nodes on the boundary, 0 for others: around an inner node the cells' next and previous nodes
+/// are the same ones. They are compared by a sum of 64-bit hashes, so that one pass over the cells does.
+fn on_boundary(n: usize, cells: &[[u32; 3]]) -> Vec<u8> {
+    let sums: Vec<AtomicU64> = (0..n).map(|_| AtomicU64::new(0)).collect();
+    cells.par_iter().with_min_len(4096).for_each(|cell| {
+        let hashes = cell.map(|i| mixed(u64::from(i) + 1));
+        for k in 0..3 {
+            let change = hashes[(k + 1) % 3].wrapping_sub(hashes[(k + 2) % 3]);
+            sums[cell[k] as usize].fetch_add(change, Ordering::Relaxed);
+        }
+    });
+    sums.into_iter().map(|sum| if sum.into_inner() == 0 { 0 } else { ON_BOUNDARY }).collect()
+}
+
+/// A bijection of 64-bit numbers that looks random (the finalizer of MurmurHash3).
+fn mixed(mut x: u64) -> u64 {
+    x = (x ^ (x >> 33)).wrapping_mul(0xff51_afd7_ed55_8ccd);
+    x = (x ^ (x >> 33)).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+    x ^ (x >> 33)
+}
