@@ -123,23 +123,23 @@ class Hierarchy(Sequence[Level]):
 
     __hash__ = None  # type: ignore[assignment]
 
-    def prolongation(self, i: int) -> csr_matrix:
+    def prolongation(self, i: int, *, free: Any = None, dirichlet: Any = None) -> csr_matrix:
         """Return piecewise-linear interpolation from level `i` to level `i` - 1; see `coarsen.transfer`."""
         from coarsen import transfer
 
-        return transfer.prolongation(self, i)
+        return transfer.prolongation(self, i, free=free, dirichlet=dirichlet)
 
-    def restriction(self, i: int) -> csr_matrix:
+    def restriction(self, i: int, *, free: Any = None, dirichlet: Any = None) -> csr_matrix:
         """Return the transpose of the prolongation from level `i`."""
         from coarsen import transfer
 
-        return transfer.restriction(self, i)
+        return transfer.restriction(self, i, free=free, dirichlet=dirichlet)
 
-    def injection(self, i: int) -> csr_matrix:
+    def injection(self, i: int, *, free: Any = None, dirichlet: Any = None) -> csr_matrix:
         """Return the matrix that picks the nodes that level `i` shares with level `i` - 1 (nested hierarchies)."""
         from coarsen import transfer
 
-        return transfer.injection(self, i)
+        return transfer.injection(self, i, free=free, dirichlet=dirichlet)
 
     def transfer_report(self) -> Any:
         """Say how many nodes lie outside the next coarser mesh, and how far; see `coarsen.transfer`."""
@@ -147,11 +147,11 @@ class Hierarchy(Sequence[Level]):
 
         return transfer.transfer_report(self)
 
-    def interpolate(self, values: Any, from_level: int, to_level: int) -> NDArray[np.float64]:
-        """Carry nodal values from one level to another; see `coarsen.transfer`."""
+    def interpolate(self, values: Any, from_level: int, to_level: int, *, on: str = "nodes") -> NDArray[Any]:
+        """Carry values at nodes or cells from one level to another; see `coarsen.transfer`."""
         from coarsen import transfer
 
-        return transfer.interpolate(self, values, from_level, to_level)
+        return transfer.interpolate(self, values, from_level, to_level, on=on)
 
     def graph(self, i: int) -> Any:
         """Return edges of level `i`, both directions, with relative positions; see `coarsen.transfer`."""

@@ -72,9 +72,15 @@ pub fn weights(points: &[Point<2>], coarse: &HalfEdges<'_>, places: &[Place]) ->
             let cell = coarse.cells[place.cell as usize];
             let mut row = [0, 1, 2].map(|k| (cell[k] as i32, place.weights[k]));
             row.sort_unstable_by_key(|entry| entry.0);
+            let (mut sum, first) = (0.0, at);
             for (column, weight) in row.into_iter().filter(|entry| entry.1 > 0.0) {
                 (indices[at], data[at]) = (column, weight);
                 at += 1;
+                sum += if at - first < 3 { weight } else { 0.0 };
+            }
+            // as the last one, 1 - sum makes the row sum to 1 exactly, rounded from left to right
+            if at == first + 3 && sum < 1.0 {
+                data[at - 1] = 1.0 - sum;
             }
         }
     });
