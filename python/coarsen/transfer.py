@@ -52,9 +52,9 @@ class Located:
 def prolongation(hierarchy: Hierarchy, i: int, *, free: Any = None, dirichlet: Any = None) -> csr_matrix:
     """Return piecewise-linear interpolation from level `i` to the next finer level.
 
-    Rows sum to 1, weights are at least 0, no zero is stored. A node that both levels have takes its own value, a node on
-    an edge two values, a node in a cell three; linear functions are exact wherever the fine node lies in the coarse mesh.
-    A fine node outside (at a curved boundary, in a dropped inlet) takes the nearest point of the coarse mesh on its own
+    Rows sum to 1, weights are at least 0, no zero is stored. A node that both levels have takes its own value, a node
+    on an edge two values, a node in a cell three; linear functions are exact wherever the fine node lies in the coarse
+    mesh. A fine node outside (at a curved boundary, in a dropped inlet) takes the nearest point of the coarse mesh on its own
     side of slits and thin walls. A node of a part that the coarse mesh has not at all takes the nearest coarse point.
 
     Parameters
@@ -119,9 +119,7 @@ def reduced(matrix: csr_matrix, rows: NDArray[np.bool_], columns: NDArray[np.boo
     keep = columns[matrix.indices]
     before = np.zeros(len(keep) + 1, dtype=matrix.indptr.dtype)
     np.cumsum(keep, out=before[1:])
-    return _csr(
-        (before[matrix.indptr], place[matrix.indices[keep]], matrix.data[keep]), int(np.count_nonzero(columns))
-    )
+    return _csr((before[matrix.indptr], place[matrix.indices[keep]], matrix.data[keep]), int(np.count_nonzero(columns)))
 
 
 def free_mask(mesh: Mesh, free: Any = None, dirichlet: Any = None) -> NDArray[np.bool_] | None:
@@ -152,7 +150,7 @@ def free_mask(mesh: Mesh, free: Any = None, dirichlet: Any = None) -> NDArray[np
         if mask.dtype != np.bool_ or mask.shape != (mesh.n_points,):
             wanted = f"expected bool and ({mesh.n_points},): one for each node of the finest mesh"
             raise ValueError(f"'free' has dtype {mask.dtype} and shape {mask.shape}, {wanted}")
-        return mask
+        return np.asarray(mask)
     if dirichlet is None:
         return None
     mask = np.ones(mesh.n_points, dtype=bool)
@@ -288,19 +286,19 @@ def interpolate(
     end = _check_level(hierarchy, "to_level", to_level)
     if on not in ON:
         raise ValueError(f"'on' is {on!r}, expected one of {', '.join(map(repr, ON))}")
-    field = np.asarray(values)
+    field: NDArray[Any] = np.asarray(values)
     mesh = hierarchy[start].mesh
     rows = mesh.n_points if on == "nodes" else mesh.n_cells
     if field.ndim == 0 or len(field) != rows:
         raise ValueError(f"'values' has shape {field.shape}, expected ({rows}, ...): one for each of the {on}")
     if start == end:
-        return field.copy()
+        return np.array(field)
     if on == "cells":
         return _applied(cell_transfer(hierarchy, start, end), field)
     if end > start:
         shared = shared_nodes(hierarchy, start, end)
         if (shared >= 0).all():
-            return field[shared]
+            return np.asarray(field[shared])
         return _applied(_coarse_nodes_in_fine(hierarchy, start, end), field)
     for level in range(start, end, -1):
         field = _applied(prolongation(hierarchy, level), field)
@@ -308,8 +306,8 @@ def interpolate(
 
 
 def _applied(matrix: csr_matrix, field: NDArray[Any]) -> NDArray[Any]:
-    out = matrix @ field.reshape(len(field), -1)
-    return np.asarray(out).reshape(matrix.shape[0], *field.shape[1:])
+    out: NDArray[Any] = np.asarray(matrix @ field.reshape(len(field), -1))
+    return out.reshape(matrix.shape[0], *field.shape[1:])
 
 
 def _coarse_nodes_in_fine(hierarchy: Hierarchy, fine: int, coarse: int) -> csr_matrix:
@@ -525,14 +523,21 @@ def transfer_report(hierarchy: Hierarchy) -> TransferReport:
         inside = np.ones(len(weights), dtype=bool)
         inside[found.outside] = False
         spacings = found.distance / (found.matrix[found.outside] @ hierarchy[i].spacing)
-        count = [int(np.count_nonzero(weights[inside] == k)) for k in (1, 2, 3)]
         bare = hierarchy[i].mesh.n_points - int(np.count_nonzero(np.bincount(found.matrix.indices)))
         if bare and hierarchy.options.nested:
             raise RuntimeError(f"internal error, please report it: {bare} nodes of level {i} have no fine image")
         rows.append(
             LevelTransfer(
-                i, len(weights), *count, len(found.outside), float(found.distance.max(initial=0.0)),
-                float(spacings.max(initial=0.0)), len(found.lost), bare,
+                level=i,
+                nodes=len(weights),
+                shared=int(np.count_nonzero(weights[inside] == 1)),
+                on_edge=int(np.count_nonzero(weights[inside] == 2)),
+                in_cell=int(np.count_nonzero(weights[inside] == 3)),
+                outside=len(found.outside),
+                farthest=float(found.distance.max(initial=0.0)),
+                farthest_spacings=float(spacings.max(initial=0.0)),
+                lost=len(found.lost),
+                without_image=bare,
             )
-        )  # fmt: skip
+        )
     return TransferReport(tuple(rows))

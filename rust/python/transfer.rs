@@ -1,6 +1,6 @@
 //! Bindings of `transfer`.
 
-use super::arrays::{cells, rows};
+use super::arrays::{cells as cell_rows, rows};
 use super::run::run;
 use crate::error::Error;
 use crate::point::NONE;
@@ -31,14 +31,14 @@ fn injected(injection: &PyReadonlyArray1<'_, i64>, coarse: usize) -> Result<Vec<
 fn py_prolongation<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<'py, f64>,
-    cells_: Bound<'py, PyUntypedArray>,
+    cells: Bound<'py, PyUntypedArray>,
     coarse_points: PyReadonlyArray2<'py, f64>,
     coarse_cells: Bound<'py, PyUntypedArray>,
     injection: PyReadonlyArray1<'py, i64>,
     threads: Option<usize>,
 ) -> PyResult<(Matrix<'py>, Indices<'py>, Bound<'py, PyArray1<f64>>, Indices<'py>)> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
-    let (fine, coarse) = (cells(&cells_, points.len())?, cells(&coarse_cells, coarse_points.len())?);
+    let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
     let injection = injected(&injection, coarse_points.len())?;
     let (made, outside, lost) = run(py, threads, None, |_| {
         let coarse = HalfEdges::new(coarse_points, &coarse)?;
@@ -56,14 +56,14 @@ fn py_prolongation<'py>(
 fn py_overlap<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<'py, f64>,
-    cells_: Bound<'py, PyUntypedArray>,
+    cells: Bound<'py, PyUntypedArray>,
     coarse_points: PyReadonlyArray2<'py, f64>,
     coarse_cells: Bound<'py, PyUntypedArray>,
     injection: PyReadonlyArray1<'py, i64>,
     threads: Option<usize>,
 ) -> PyResult<Matrix<'py>> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
-    let (fine, coarse) = (cells(&cells_, points.len())?, cells(&coarse_cells, coarse_points.len())?);
+    let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
     let injection = injected(&injection, coarse_points.len())?;
     let made = run(py, threads, None, |_| {
         let coarse = HalfEdges::new(coarse_points, &coarse)?;

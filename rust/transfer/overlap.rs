@@ -19,12 +19,7 @@ const CHUNK: usize = 1024;
 
 /// The areas by finer cell (rows) and coarse cell (columns); a finer cell that lies outside has one entry, 0, at the
 /// coarse cell next to it. Runtime: O(pairs of cells that meet).
-pub fn areas(
-    points: &[Point<2>],
-    cells: &[[u32; 3]],
-    coarse: &HalfEdges<'_>,
-    places: &[Place],
-) -> Result<Rows, Error> {
+pub fn areas(points: &[Point<2>], cells: &[[u32; 3]], coarse: &HalfEdges<'_>, places: &[Place]) -> Result<Rows, Error> {
     let starts: Vec<usize> = (0..cells.len()).step_by(CHUNK).collect();
     let blocks = starts.into_par_iter().map(|start| {
         let mut block = Block::default();
@@ -96,9 +91,8 @@ fn cut(
 /// The area of a polygon, with respect to its first corner (so that far from the origin nothing cancels).
 fn area(polygon: &[Point<2>]) -> f64 {
     let Some(o) = polygon.first() else { return 0.0 };
-    let cross = |pair: &[Point<2>]| {
-        (pair[0][0] - o[0]) * (pair[1][1] - o[1]) - (pair[0][1] - o[1]) * (pair[1][0] - o[0])
-    };
+    let cross =
+        |pair: &[Point<2>]| (pair[0][0] - o[0]) * (pair[1][1] - o[1]) - (pair[0][1] - o[1]) * (pair[1][0] - o[0]);
     polygon.windows(2).map(cross).sum::<f64>() / 2.0
 }
 

@@ -9,6 +9,9 @@
 //! sides, and a direction alone may point to the wrong one. So nodes inside the finer domain come first; those on its
 //! boundary only where nothing else is left to go on from, and tips last of all.
 //!
+//! Nodes that lie outside of the coarse mesh are then looked at again from all their neighbours, and take the nearest of
+//! the places found.
+//!
 //! Parts of the finer mesh that share no node with the coarse one (parts that were dropped; levels that are not nested)
 //! are searched for from one node each: in all cells, else on all boundary edges.
 
@@ -28,7 +31,7 @@ pub struct Located {
     pub lost: Vec<u32>,
 }
 
-/// Nodes shorter than this in number are walked to on one thread at a time.
+/// Nodes that one thread walks to at least.
 const GRAIN: usize = 512;
 
 /// Locates the nodes of a finer mesh in a coarser one; `injection` has the finer node of each coarse node, or `NONE`.
@@ -45,12 +48,17 @@ pub fn locate(
     }
     let mut search = Search::new(points, cells, coarse, injection)?;
     search.run()?;
+    search.reconsider()?;
     let lost = (0..points.len() as u32).filter(|&v| search.status[v as usize] & LOST != 0).collect();
     Ok(Located { places: search.places, lost })
 }
 
 /// The matrix of the weights, and the distance of each node that lies outside of the coarse mesh.
-pub fn weights(points: &[Point<2>], coarse: &HalfEdges<'_>, places: &[Place]) -> Result<(Rows, Vec<(u32, f64)>), Error> {
+pub fn weights(
+    points: &[Point<2>],
+    coarse: &HalfEdges<'_>,
+    places: &[Place],
+) -> Result<(Rows, Vec<(u32, f64)>), Error> {
     let counts = places.iter().map(|place| place.weights.iter().filter(|&&w| w > 0.0).count());
     let indptr = Rows::starts(counts)?;
     let entries = indptr[places.len()] as usize;
@@ -123,6 +131,9 @@ struct Search<'a> {
     /// Nodes that are not found, ascending.
     missing: Vec<u32>,
 }
+
+/// How often nodes outside are looked at again at most.
+const MOST_LOOKS: usize = 8;
 
 const NOWHERE: u64 = u64::MAX;
 
@@ -223,6 +234,51 @@ impl<'a> Search<'a> {
         }
         self.missing.retain(|&v| self.status[v as usize] & FOUND == 0);
         Ok(!known.is_empty())
+    }
+
+    /// Looks at the nodes outside again, from all their neighbours: a line may leave the coarse mesh and come in again,
+    /// where cells were taken off its rim, and another one may end nearer.
+    fn reconsider(&mut self) -> Result<(), Error> {
+        let is_outside = |v: u32| self.places[v as usize].beyond < INSIDE;
+        let meets = |cell: &[u32; 3]| cell.iter().any(|&v| is_outside(v));
+        let near: Vec<&[u32; 3]> = self.cells.par_iter().with_min_len(4096).filter(|cell| meets(cell)).collect();
+        let mut edges: Vec<[u32; 2]> = near
+            .into_iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]])
+            .filter(|&[v, u]| is_outside(v) && self.may_start(u, Start::Boundary))
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let stars: Vec<&[[u32; 2]]> = edges.chunk_by(|a, b| a[0] == b[0]).collect();
+        for _ in 0..MOST_LOOKS {
+            let look = |star: &&[[u32; 2]]| {
+                let v = star[0][0];
+                let x = &self.points[v as usize];
+                let away = |place: &Place| match place.beyond {
+                    INSIDE => 0.0,
+                    _ => distance(x, &point_of(self.coarse, place)),
+                };
+                let (mut best, mut least) = (self.places[v as usize], away(&self.places[v as usize]));
+                for &[_, u] in star.iter() {
+                    let place = walk(self.coarse, &self.points[u as usize], &self.places[u as usize], x)?;
+                    let distance = away(&place);
+                    if distance < (1.0 - 1e-9) * least {
+                        (best, least) = (place, distance);
+                    }
+                }
+                Ok((v, best))
+            };
+            let looked = stars.par_iter().with_min_len(GRAIN / 8).map(look).collect::<Result<Vec<_>, Error>>()?;
+            let mut changed = false;
+            for (v, place) in looked {
+                changed |= self.places[v as usize] != place;
+                self.places[v as usize] = place;
+            }
+            if !changed {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// Finds the first missing node by a search of the whole coarse mesh.
