@@ -238,8 +238,11 @@ def test_no_value_crosses_a_slit(amount, features):
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5
     above[mesh.cells[middle]] = 1.0
     h = coarsen.hierarchy(bent(mesh, amount), features=features)
+    mouth = np.flatnonzero((x == 0) & (y == 0.5))
     checked = 0
     for i in range(1, len(h)):
+        if features == "drop" and not np.isin(mouth, h[i].nodes).all():
+            break  # a slit whose mouth was dropped is closed there
         matrix = h.prolongation(i)
         coarse_x = x[h[i].nodes]
         behind = np.array([coarse_x[row.indices].max() < 0.5 for row in matrix])

@@ -1,8 +1,8 @@
 """Operators between the levels of a hierarchy: nodal fields, cell fields, graphs.
 
 `Hierarchy.prolongation` and its companions are the functions of this module. All work on any two levels of a hierarchy,
-nested or not. Fine nodes are located in the coarse mesh by walks over the edges of the fine mesh, so interpolation never
-reaches across a slit, a thin wall or into another part.
+nested or not. Fine nodes are located in the coarse mesh by walks over the edges of the fine mesh, so interpolation
+never reaches across a slit, a thin wall or into another part.
 """
 
 from __future__ import annotations
@@ -54,8 +54,9 @@ def prolongation(hierarchy: Hierarchy, i: int, *, free: Any = None, dirichlet: A
 
     Rows sum to 1, weights are at least 0, no zero is stored. A node that both levels have takes its own value, a node
     on an edge two values, a node in a cell three; linear functions are exact wherever the fine node lies in the coarse
-    mesh. A fine node outside (at a curved boundary, in a dropped inlet) takes the nearest point of the coarse mesh on its own
-    side of slits and thin walls. A node of a part that the coarse mesh has not at all takes the nearest coarse point.
+    mesh. A fine node outside (at a curved boundary, in a dropped inlet) takes the nearest point of the coarse mesh on
+    its own side of slits and thin walls. A node of a part that the coarse mesh has not at all takes the nearest coarse
+    point.
 
     Parameters
     ----------
@@ -307,7 +308,7 @@ def interpolate(
 
 def _applied(matrix: csr_matrix, field: NDArray[Any]) -> NDArray[Any]:
     out: NDArray[Any] = np.asarray(matrix @ field.reshape(len(field), -1))
-    return out.reshape(matrix.shape[0], *field.shape[1:])
+    return np.reshape(out, (matrix.shape[0], *field.shape[1:]))
 
 
 def _coarse_nodes_in_fine(hierarchy: Hierarchy, fine: int, coarse: int) -> csr_matrix:
