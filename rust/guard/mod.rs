@@ -3,7 +3,9 @@
 //! Cells with an angle under the bound are taken worst first. For each, in this order: take away one of its free nodes
 //! (interior, and not a node of a coarser level); exchange it for a candidate nearby; insert a candidate near the cell's
 //! off-centre (the point on the bisector of its shortest edge that sees it under a comfortable angle, or the circumcentre where
-//! that is nearer). The first change after which no new cell is under the bound is kept, else the best one that betters
+//! that is nearer); take away or exchange a free node across one of its edges; put one
+//! candidate in the place of two free nodes. The first change that takes the cell away
+//! and leaves no new cell under the bound is kept, else the best one that betters
 //! the worst cell it touches; so a level never gets worse, and the guard ends. A candidate is allowed inside the
 //! coarse domain, also nearer to its facets than delta * f (angles are measured here, not feared), where its distance to
 //! every neighbour leaves it independent on the next finer level. All triangulation is local, Delaunay throughout, ties broken by node.
@@ -27,6 +29,9 @@ const TRIED: usize = 8;
 
 /// Rounds over the cells that are under the bound.
 const MOST_ROUNDS: usize = 12;
+
+/// Cells of a small level for which pairs of nodes are tried; a large one has a share more.
+const MOST_PAIRS: usize = 100;
 
 /// How much wider than the bound the angle is under which an inserted node shall see the shortest edge.
 const COMFORT: f64 = 1.25;
@@ -70,15 +75,35 @@ struct Work<'a> {
     is_free: Vec<bool>,
     added: i64,
     most_added: i64,
+    /// Cells for which pairs may still be tried: it is dear, and on some domains many cells can't be helped.
+    pairs_left: usize,
     /// Cosine of the bound.
     sharp: f64,
 }
 
+/// Sites that go and a candidate that comes, [`NONE`] for none.
 #[derive(Clone, Copy)]
-enum Change {
-    Remove(u32),
-    Exchange(u32, u32),
-    Insert(u32),
+struct Change {
+    gone: [u32; 2],
+    new: u32,
+}
+
+impl Change {
+    fn remove(v: u32) -> Change {
+        Change { gone: [v, NONE], new: NONE }
+    }
+
+    fn exchange(v: u32, k: u32) -> Change {
+        Change { gone: [v, NONE], new: k }
+    }
+
+    fn insert(k: u32) -> Change {
+        Change { gone: [NONE; 2], new: k }
+    }
+
+    fn gone(self) -> impl Iterator<Item = u32> {
+        self.gone.into_iter().filter(|&v| v != NONE)
+    }
 }
 
 /// Betters a level. Also returns the candidates that conflict since, and beta/2 of the distance to the nearest such.
@@ -100,7 +125,8 @@ pub fn better(
     let most_added = (BUDGET * level.sites.len() as f64) as i64;
     let patch = Patch::new(level.points, names, &level.cells);
     let sharp = guard.min_angle.cos();
-    let mut work = Work { scene, guard, patch, candidate, taken, is_free, added: 0, most_added, sharp };
+    let pairs_left = MOST_PAIRS + level.sites.len() / MOST_PAIRS;
+    let mut work = Work { scene, guard, patch, candidate, taken, is_free, added: 0, most_added, pairs_left, sharp };
     let mut bad: Vec<u32> = (0..work.patch.len() as u32).filter(|&t| work.patch.sharpness(t) > sharp).collect();
     for _ in 0..MOST_ROUNDS {
         bad = work.round(bad);
@@ -144,26 +170,25 @@ impl Work<'_> {
         let first = (1..3).fold(0, |least, k| if name(k) < name(least) { k } else { least });
         let corners = [0, 1, 2].map(|k| corners[(first + k) % 3]);
         let mut best: Option<(f64, Change)> = None;
-        let free: Vec<u32> = corners.into_iter().filter(|&v| self.is_free[v as usize]).collect();
-        for &v in &free {
-            if self.attempt(Change::Remove(v), t, &mut best) {
-                return true;
-            }
-        }
-        for &v in &free {
-            let f = self.scene.f[self.candidate[v as usize] as usize];
-            for k in self.near(self.patch.point(v), f / self.guard.beta) {
-                if self.attempt(Change::Exchange(v, k), t, &mut best) {
-                    return true;
-                }
-            }
+        if self.try_nodes(&corners, t, &mut best) {
+            return true;
         }
         if self.added < self.most_added {
             let (centre, reach) = self.off_centre(corners);
             for k in self.near(&centre, reach) {
-                if self.attempt(Change::Insert(k), t, &mut best) {
+                if self.attempt(Change::insert(k), t, &mut best) {
                     return true;
                 }
+            }
+        }
+        let across = [0, 1, 2].map(|k| self.patch.across(t, corners[k]));
+        if self.try_nodes(&across, t, &mut best) {
+            return true;
+        }
+        if self.pairs_left > 0 {
+            self.pairs_left -= 1;
+            if self.try_pairs(&[corners, across].concat(), t, &mut best) {
+                return true;
             }
         }
         match best {
@@ -172,18 +197,59 @@ impl Work<'_> {
         }
     }
 
-    /// Makes a change; keeps it where all its new cells are above the bound, else undoes it and remembers it where it is
+    /// Tries to take away or exchange the free ones among some nodes.
+    fn try_nodes(&mut self, nodes: &[u32; 3], t: u32, best: &mut Option<(f64, Change)>) -> bool {
+        let is_free = |v: &u32| self.is_free.get(*v as usize).copied().unwrap_or(false);
+        let free: Vec<u32> = nodes.iter().copied().filter(is_free).collect();
+        for &v in &free {
+            if self.attempt(Change::remove(v), t, best) {
+                return true;
+            }
+        }
+        for &v in &free {
+            let f = self.scene.f[self.candidate[v as usize] as usize];
+            for k in self.near(self.patch.point(v), f / self.guard.beta) {
+                if self.attempt(Change::exchange(v, k), t, best) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Tries to put one candidate in the place of two free nodes.
+    fn try_pairs(&mut self, nodes: &[u32], t: u32, best: &mut Option<(f64, Change)>) -> bool {
+        let is_free = |v: &u32| self.is_free.get(*v as usize).copied().unwrap_or(false);
+        let free: Vec<u32> = nodes.iter().copied().filter(is_free).collect();
+        for (i, &v) in free.iter().enumerate() {
+            for &w in free[i + 1..].iter().filter(|&&w| w != v) {
+                let (p, q) = (*self.patch.point(v), *self.patch.point(w));
+                let middle = [0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1])];
+                for k in self.near(&middle, 0.5 * distance(&p, &q)) {
+                    if self.attempt(Change { gone: [v, w], new: k }, t, best) {
+                        return true;
+                    }
+                }
+            }
+        }
+        false
+    }
+
+    /// Makes a change; keeps it where it takes the cell away and all its new cells are above the bound, else undoes it and remembers it where it is
     /// the best so far.
     fn attempt(&mut self, change: Change, t: u32, best: &mut Option<(f64, Change)>) -> bool {
+        let corners = self.patch.corners(t);
         if !self.apply(change, t) {
             return false;
         }
-        let (before, after) = self.patch.before_and_after();
-        if after <= self.sharp {
-            return true;
-        }
-        if after < before && best.is_none_or(|(least, _)| after < least) {
-            *best = Some((after, change));
+        if self.patch.corners(t) != corners {
+            let (before, after) = self.patch.before_and_after();
+            if after <= self.sharp {
+                return true;
+            }
+            if after < before && best.is_none_or(|(least, _)| after < least) {
+                *best = Some((after, change));
+            }
         }
         self.undo(change);
         false
@@ -191,60 +257,58 @@ impl Work<'_> {
 
     fn apply(&mut self, change: Change, t: u32) -> bool {
         self.patch.begin();
-        let (gone, new) = match change {
-            Change::Remove(v) => (Some(v), None),
-            Change::Exchange(v, k) => (Some(v), Some(k)),
-            Change::Insert(k) => (None, Some(k)),
-        };
         let mut from = t;
-        if let Some(v) = gone {
-            if !self.patch.remove(v) {
-                self.patch.roll_back();
-                return false;
-            }
-            let made = self.patch.made().next();
+        for v in change.gone() {
+            let made = if self.patch.remove(v) { self.patch.made().next() } else { None };
             let Some(made) = made else {
                 self.patch.roll_back();
                 return false;
             };
             from = made;
         }
-        if let Some(k) = new {
-            let v = self.patch.add(self.scene.candidates.points[k as usize], self.scene.candidates.nodes[k as usize]);
-            let (p, f) = (self.scene.candidates.points[k as usize], self.scene.f[k as usize]);
-            let (candidate, scene, guard) = (&self.candidate, self.scene, self.guard);
-            let fits = |w: u32| {
-                let other = candidate[w as usize] as usize;
-                let near = (f + scene.f[other]) / guard.beta;
-                distance(&p, &scene.candidates.points[other]) >= guard.room * near
-            };
-            if !self.patch.insert(v, from, fits) {
-                self.patch.roll_back();
-                self.patch.forget();
-                return false;
-            }
-            self.candidate.push(k);
-            self.is_free.push(true);
-            self.taken[k as usize] = true;
-            self.added += 1;
+        if change.new != NONE && !self.join(change.new, from) {
+            self.patch.roll_back();
+            self.patch.forget();
+            return false;
         }
-        if let Some(v) = gone {
+        for v in change.gone() {
             self.taken[self.candidate[v as usize] as usize] = false;
             self.added -= 1;
         }
         true
     }
 
+    /// Makes a candidate a site; false, with the site added to the patch but to no cell, where it does not fit.
+    fn join(&mut self, k: u32, from: u32) -> bool {
+        let (scene, guard) = (self.scene, self.guard);
+        let (p, f) = (scene.candidates.points[k as usize], scene.f[k as usize]);
+        let v = self.patch.add(p, scene.candidates.nodes[k as usize]);
+        let candidate = &self.candidate;
+        let fits = |w: u32| {
+            let other = candidate[w as usize] as usize;
+            let near = (f + scene.f[other]) / guard.beta;
+            distance(&p, &scene.candidates.points[other]) >= guard.room * near
+        };
+        if !self.patch.insert(v, from, fits) {
+            return false;
+        }
+        self.candidate.push(k);
+        self.is_free.push(true);
+        self.taken[k as usize] = true;
+        self.added += 1;
+        true
+    }
+
     fn undo(&mut self, change: Change) {
         self.patch.roll_back();
-        if let Change::Exchange(_, k) | Change::Insert(k) = change {
+        if change.new != NONE {
             self.patch.forget();
             self.candidate.pop();
             self.is_free.pop();
-            self.taken[k as usize] = false;
+            self.taken[change.new as usize] = false;
             self.added -= 1;
         }
-        if let Change::Remove(v) | Change::Exchange(v, _) = change {
+        for v in change.gone() {
             self.taken[self.candidate[v as usize] as usize] = true;
             self.added += 1;
         }

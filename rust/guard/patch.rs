@@ -102,6 +102,17 @@ impl Patch {
         (cell != DEAD).then_some(cell.corners)
     }
 
+    /// The point across the edge of a cell that starts at a corner, [`NONE`] where that is a constraint.
+    pub fn across(&self, t: u32, corner: u32) -> u32 {
+        let cell = &self.cells[t as usize];
+        let Some(k) = (0..3).find(|&k| cell.corners[k] == corner) else { return NONE };
+        if cell.constraints[k] != NONE || cell.neighbours[k] == NONE {
+            return NONE;
+        }
+        let other = &self.cells[cell.neighbours[k] as usize];
+        (0..3).find(|&j| other.neighbours[j] == t).map_or(NONE, |j| other.corners[(j + 2) % 3])
+    }
+
     /// Coordinates of a point.
     pub fn point(&self, v: u32) -> &Point<2> {
         &self.points[v as usize]
