@@ -16,6 +16,26 @@ _Report = Callable[[str, int, int], None]
 # levels, why it stopped, spacing of the finest level
 _Made = tuple[list[dict[str, Any]], str, _Floats]
 
+__all__ = [
+    "__version__",
+    "cell_quality",
+    "check_mesh",
+    "coarsened",
+    "conflict_graph",
+    "delaunay",
+    "galerkin",
+    "hierarchy",
+    "independent_set",
+    "line_hierarchy",
+    "nearest",
+    "nearest_at",
+    "overlap",
+    "prolongation",
+    "quadtree",
+    "skeleton_independent_set",
+    "threshold",
+]
+
 __version__: str
 
 def nearest(points: _Floats, threads: int | None) -> _Floats: ...
