@@ -3,8 +3,7 @@
     python benches/domains.py FOLDER [--features keep drop auto] [--write docs/domains-table.md]
 
 Columns: nodes, triangles, smallest angle of the level, the same without cells whose smallest angle lies between two
-facets, share of triangles under 15 degrees (facet angles left aside too), area against the input,
-seconds for all levels.
+facets, share of triangles under 15 degrees (facet angles left aside too), area against the input, seconds for all levels.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ def main() -> None:
     parser.add_argument("--features", nargs="+", choices=FEATURES, default=["keep", "drop"])
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    text = "".join(f'## `features="{f}"`\n\n{table(arguments.folder, f)}\n' for f in arguments.features)
+    text = "".join(f"## `features=\"{f}\"`\n\n{table(arguments.folder, f)}\n" for f in arguments.features)
     if arguments.write is None:
         print(text)
     else:

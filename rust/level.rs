@@ -338,7 +338,8 @@ pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (
             }
         };
         let length = |k: usize| distance(&p[k], &p[(k + 1) % 3]);
-        let longest = (0..3).filter(splits).max_by(|&j, &k| length(j).total_cmp(&length(k)).then(k.cmp(&j)));
+        let longest =
+            (0..3).filter(splits).max_by(|&j, &k| length(j).total_cmp(&length(k)).then(around[k].cmp(&around[j])));
         if let Some(k) = longest {
             let (chord, corner) = (&choice.chords[around[k] as usize / 2], &p[(k + 2) % 3]);
             let chain = &domain.chains[chord.chain as usize];

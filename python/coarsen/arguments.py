@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import numbers
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def _real_array(name: str, value: npt.ArrayLike, shape: str) -> npt.NDArray[Any]:
+def _real_array(name: str, value: npt.ArrayLike, shape: str) -> npt.NDArray[np.generic]:
     try:
         array = np.asarray(value)
     except ValueError as error:

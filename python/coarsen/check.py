@@ -78,7 +78,7 @@ class Conditioning:
 
     @property
     def theta(self) -> float:
-        """The smallest angle of all coarser levels in degrees, or 180° less the largest (Definition 2.4)."""
+        """The smallest angle of all coarser levels, in degrees, as Definition 2.4 has it: also 180° less the largest."""
         coarser = self.levels[1:] or self.levels
         return min(min(one.min_angle, 180.0 - one.max_angle) for one in coarser)
 
@@ -102,8 +102,7 @@ def longest_edges(mesh: Mesh) -> NDArray[np.float64]:
     """Return el of every cell (Definition 2.1): (m,), in the units of the points."""
     corners = mesh.points[mesh.cells]
     edges = np.roll(corners, -1, axis=1) - corners
-    longest: NDArray[np.float64] = np.sqrt((edges**2).sum(axis=-1)).max(axis=1)
-    return longest
+    return np.sqrt((edges**2).sum(axis=-1)).max(axis=1)
 
 
 def similarity(finer: Level, coarser: Level, name: str = "rust") -> float:
@@ -129,7 +128,7 @@ def _line_similarity(one: Mesh, two: Mesh) -> float:
 
 
 def least_cells(mesh: Mesh, factor: float) -> float:
-    """Return the least number of cells of a mesh with elements as large as a coarsening by `factor` may have."""
+    """Return the least number of cells of a mesh whose elements are as large as a coarsening by `factor` may have them."""
     el = longest_edges(mesh)
     corners = mesh.points[mesh.cells]
     out, back = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -14,17 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-
-from coarsen import spacing as spacings
-from coarsen.backend import backend
 from coarsen.mesh import Mesh, Quality, Topology
 from coarsen.options import Options
 
+from coarsen import spacing as spacings
+from coarsen.backend import backend
+
 if TYPE_CHECKING:
+    from coarsen.check import Conditioning
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
-
-    from coarsen.check import Conditioning
 
 STOPPED = {
     "levels": "the {depth} levels asked for are there",
@@ -57,7 +56,7 @@ class Level:
     factor: float
     spacing: NDArray[np.float64]
     visits: int = 0
-    dropped: dict[str, Any] | None = None
+    dropped: dict[str, float] | None = None
 
     @cached_property
     def quality(self) -> Quality:

@@ -144,7 +144,8 @@ impl Work<'_> {
         let name = |v: u32| self.scene.candidates.nodes[self.candidate[v as usize] as usize];
         let mut queue: Vec<(f64, [u32; 3], [u32; 3], u32)> = Vec::with_capacity(bad.len());
         for t in bad {
-            if let Some(corners) = self.patch.corners(t) {
+            // a cell's number may since have gone to another cell
+            if let Some(corners) = self.patch.corners(t).filter(|_| self.patch.sharpness(t) > self.sharp) {
                 let mut names = corners.map(name);
                 names.sort_unstable();
                 queue.push((self.patch.sharpness(t), names, corners, t));
@@ -259,7 +260,9 @@ impl Work<'_> {
         self.patch.begin();
         let mut from = t;
         for v in change.gone() {
-            let made = if self.patch.remove(v) { self.patch.made().next() } else { None };
+            // where a walk starts must not depend on how cells are numbered
+            let least = |patch: &Patch| patch.made().min_by_key(|&t| patch.sorted_names(t));
+            let made = if self.patch.remove(v) { least(&self.patch) } else { None };
             let Some(made) = made else {
                 self.patch.roll_back();
                 return false;

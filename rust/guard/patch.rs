@@ -113,6 +113,13 @@ impl Patch {
         (0..3).find(|&j| other.neighbours[j] == t).map_or(NONE, |j| other.corners[(j + 2) % 3])
     }
 
+    /// Names of a cell's corners, ascending.
+    pub fn sorted_names(&self, t: u32) -> [u32; 3] {
+        let mut names = self.cells[t as usize].corners.map(|v| self.names[v as usize]);
+        names.sort_unstable();
+        names
+    }
+
     /// Coordinates of a point.
     pub fn point(&self, v: u32) -> &Point<2> {
         &self.points[v as usize]
@@ -302,8 +309,11 @@ impl Patch {
         let mut t = from;
         for step in 0..MOST_STEPS {
             let cell = &self.cells[t as usize];
+            // from the lowest name on: the way must not depend on where a cell begins
+            let name = |k: usize| self.names[cell.corners[k] as usize];
+            let first = (1..3).fold(0, |least, k| if name(k) < name(least) { k } else { least });
             let out = (0..3)
-                .map(|k| (k + step) % 3)
+                .map(|k| (first + k + step) % 3)
                 .find(|&k| orient(self.point(cell.corners[k]), self.point(cell.corners[(k + 1) % 3]), p) < 0.0);
             match out {
                 None => return Some(t),

@@ -4,7 +4,8 @@ Spacing agrees with the core bit for bit, selected nodes exactly; triangulations
 Positional arguments and results are those of ``coarsen._core``; `threads` is taken and passed over.
 """
 
-from .hierarchy import hierarchy
+from .build import hierarchy
+from .line import line_hierarchy
 from .quadtree import quadtree
 from .selection import conflict_graph, independent_set, skeleton_independent_set
 from .spacing import coarsened, nearest, nearest_at, threshold
@@ -16,6 +17,7 @@ __all__ = [
     "delaunay",
     "hierarchy",
     "independent_set",
+    "line_hierarchy",
     "nearest",
     "nearest_at",
     "quadtree",

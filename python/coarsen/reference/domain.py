@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from .point import NONE, Bools, Floats, Ints, distance, signs
 
@@ -23,12 +24,29 @@ from .point import NONE, Bools, Floats, Ints, distance, signs
 class FacetArrays(Protocol):
     """Facets of a mesh as `coarsen.multilevel` hands them over: boundary first, the (first) cell on the left."""
 
-    facets: Ints
-    cell_tags: Ints
-    tags: Ints
-    given: Bools
-    n_boundary: int
-    layer: Ints | None
+    @property
+    def facets(self) -> Ints:
+        """Nodes, (s, 2)."""
+
+    @property
+    def cell_tags(self) -> Ints:
+        """Tags of left and right cell, (s, 2)."""
+
+    @property
+    def tags(self) -> Ints:
+        """Tags of given facets, (s,)."""
+
+    @property
+    def given(self) -> Bools:
+        """Which facets the user gave, (s,)."""
+
+    @property
+    def n_boundary(self) -> int:
+        """How many are boundary."""
+
+    @property
+    def layer(self) -> npt.NDArray[np.integer] | None:
+        """Layer of each node, where parts overlap."""
 
 
 @dataclass(frozen=True)

@@ -15,15 +15,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .domain import Domain, FacetArrays
 from .gap import gaps
-from .level import Candidates, Choice, LevelMesh, Rules, assemble, rank, select, triangulate
-from .point import Floats, Ints
+from .guard import Guard, Patch, Rule
+from .level import (
+    Candidates,
+    Choice,
+    LevelMesh,
+    Rules,
+    Triangulated,
+    assemble,
+    lowered,
+    narrow_cells,
+    rank,
+    select,
+    triangulate,
+)
+from .point import Bools, Floats, Ints
 from .selection import greedy
 from .spacing import capped, nearest, threshold
 
@@ -32,6 +45,10 @@ if TYPE_CHECKING:
 
 LEAST_RATIO = 1.9
 """How much finer than a level the pool must be that it draws from, where that pool serves several levels."""
+MOST_REDRAWS = 2
+"""How often a level is drawn again with facet vertices put back."""
+MIN_ANGLE = 25.0
+"""Degrees that the guard works for where nothing is said, but with features="plain"."""
 STALL = 0.95
 """A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth."""
 MAX_LEVELS = 512
@@ -53,6 +70,15 @@ def power(factor: float, i: int) -> float:
         factor *= factor
 
 
+def enough(options: Options, levels: int, cells: int) -> str | None:
+    """Return why a hierarchy that is built from the fine side has its last level, or None."""
+    if options.levels is not None:
+        return "levels" if levels >= options.levels else None
+    if levels >= MAX_LEVELS:
+        return "stalled"
+    return "coarsest" if levels > 0 and cells <= options.coarsest else None
+
+
 @dataclass(frozen=True)
 class Pool:
     """Candidates, their places in the finest pool, f at them (of the level it is made for), and visits."""
@@ -63,6 +89,17 @@ class Pool:
     visits: int
 
 
+@dataclass(frozen=True)
+class Chosen:
+    """What a level keeps; f by candidate, whether candidates are in the coarse domain, the candidate of every node."""
+
+    choice: Choice
+    f: Floats
+    inside: Bools
+    candidate_of: Ints
+    pool: Pool
+
+
 class Builder:
     """All that stays the same from level to level."""
 
@@ -71,6 +108,10 @@ class Builder:
     ) -> None:
         self.points, self.cells, self.options = points, cells, options
         self.rules = Rules(options.beta, options.delta, options.gradation, options.features in {"keep", "auto"})
+        angle = options.min_angle
+        if angle is None and options.features != "plain":
+            angle = MIN_ANGLE
+        self.min_angle = math.radians(angle) if angle else None
         self.domain = Domain(points, facets, math.cos(math.radians(options.feature_angle)))
         nodes = candidate_nodes(points, self.domain)
         finest = Candidates(points[nodes], nodes)
@@ -126,29 +167,76 @@ class Builder:
             self.pools.append(Pool(candidates, last.members[picked], f[picked], len(order)))
         return wanted
 
-    def choose(self, i: int, seeds: Choice) -> tuple[Choice, Floats, Ints, int]:
-        """Select the nodes of level i; also f by candidate, the candidate of every node, and the pool."""
+    def choose(self, i: int, seeds: Choice) -> Chosen:
+        """Select the nodes of level i."""
         p = self.pool_for(i)
         pool = self.pools[p]
         candidate_of = np.full(len(self.points), -1)
         candidate_of[pool.candidates.nodes] = np.arange(len(pool.candidates.nodes))
-        f = pool.f if p > 0 and i == p + self.lag else self.spacing_in(i, pool)
-        choice, f = select(self.domain, pool.candidates, f, seeds, candidate_of, self.rules)
         for v, copies in enumerate(self.domain.copies):
             candidate_of[copies] = v
-        return choice, f, candidate_of, p
+        f = pool.f if p > 0 and i == p + self.lag else self.spacing_in(i, pool)
+        choice, f, inside = select(self.domain, pool.candidates, f, seeds, candidate_of, self.rules)
+        return Chosen(choice, f, inside, candidate_of, pool)
+
+    def draw(self, i: int, seeds: Choice) -> tuple[Chosen, Triangulated]:
+        """Select, triangulate and better level i."""
+        chosen = self.choose(i, seeds)
+        choice, candidates = chosen.choice, chosen.pool.candidates
+        level = triangulate(self.domain, self.points, choice)
+        if self.min_angle is None:
+            return chosen, level
+        facets = len(self.domain)
+        inner = level.sites >= facets
+        sites = level.sites.copy()
+        sites[inner] = chosen.candidate_of[level.sites[inner] - facets]
+        apex = {(int(sites[u]), int(sites[v])): int(sites[w]) for (u, v), w in level.apex.items()}
+        ends = [chord.vertices for chord in choice.chords]
+        constrained = {edge for a, b in ends for edge in ((a, b), (b, a))}
+        points = [(float(x), float(y)) for x, y in candidates.points]
+        patch = Patch(points, candidates.nodes.tolist(), apex, constrained)
+        taken = np.zeros(len(points), np.bool_)
+        taken[sites] = True
+        free = taken.copy()
+        free[:facets] = False
+        free[chosen.candidate_of[seeds.interior]] = False
+        slope = 1.0 if self.options.method == "threshold" else self.rules.gradation
+        rule = Rule(self.min_angle, self.rules.beta, slope, max(1.0 / self.options.factor, 0.5))
+        crowded = Guard(candidates, chosen.f, chosen.inside, free, taken, patch, rule).work()
+        choice.interior = candidates.nodes[facets:][taken[facets:]]
+        for k, room in crowded.items():
+            choice.hold(int(candidates.nodes[k]), room)
+        chosen = replace(chosen, f=lowered(candidates, chosen.f, crowded, self.rules.gradation))
+        here = np.flatnonzero(taken)
+        index = {int(k): s for s, k in enumerate(here)}
+        apex = {(index[u], index[v]): index[w] for (u, v), w in patch.apex.items()}
+        cells = [(index[u], index[v], index[w]) for u, v, w in patch.cells()]
+        sites = np.where(here < facets, here, facets + candidates.nodes[here])
+        return chosen, Triangulated(sites, cells, apex)
 
     def level(self, i: int, seeds: Choice) -> tuple[dict[str, Any], Choice]:
-        """Make level i."""
-        choice, f, candidate_of, p = self.choose(i, seeds)
-        mesh = assemble(self.domain, choice, triangulate(self.domain, self.points, choice))
-        pool = self.pools[p]
-        visits = len(pool.candidates.nodes) + (pool.visits if p > 0 and i == p + self.lag else 0)
-        return as_dict(mesh, power(self.options.factor, i), f[candidate_of[mesh.nodes]], visits), choice
+        """Make level i; where cells stay narrow next to chords that can be split, with vertices put back there."""
+        chosen, level = self.draw(i, seeds)
+        if self.rules.hold and self.min_angle is not None:
+            seeds = replace(seeds, kept=seeds.kept.copy())
+            for _ in range(MOST_REDRAWS):
+                narrow, back = narrow_cells(self.domain, self.points, chosen.choice, level)
+                if not back:
+                    break
+                seeds.kept[list(back)] = True
+                again = self.draw(i, seeds)
+                if narrow_cells(self.domain, self.points, again[0].choice, again[1])[0] >= narrow:
+                    break
+                chosen, level = again
+        mesh = assemble(self.domain, chosen.choice, level)
+        p = self.pool_for(i)
+        visits = len(chosen.f) + (chosen.pool.visits if p > 0 and i == p + self.lag else 0)
+        spacing = chosen.f[chosen.candidate_of[mesh.nodes]]
+        return as_dict(mesh, power(self.options.factor, i), spacing, visits), chosen.choice
 
     def n_cells(self, i: int) -> int:
         """Return the number of cells of level i on its own, by Euler's formula."""
-        choice = self.choose(i, self.no_seeds())[0]
+        choice = self.choose(i, self.no_seeds()).choice
         boundary = 0
         for chord in choice.chords:
             edge = self.domain.chains[chord.chain].edge(chord.start)
@@ -203,19 +291,6 @@ class Builder:
                 if len(level["cells"]) <= self.options.coarsest:
                     return levels[: k + 1], "coarsest", self.at_nodes(self.g)
         return levels, stopped, self.at_nodes(self.g)
-
-
-def hierarchy(
-    points: Floats,
-    cells: Ints,
-    facets: FacetArrays,
-    spacing: Floats | None,
-    options: Options,
-    report: Report = None,
-    threads: int | None = None,
-) -> Made:
-    """Build the coarser levels of a triangle mesh; `report` and `threads` are passed over."""
-    return Builder(points, cells, facets, spacing, options).build()
 
 
 def candidate_nodes(points: Floats, domain: Domain) -> Ints:

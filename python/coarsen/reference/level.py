@@ -9,11 +9,11 @@ triangulation of what is kept, cells outside flooded away.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .chords import Chord, holds, repair
+from .chords import Chord, holds, piece, repair
 from .domain import Domain, Side, segment_distance_2
 from .point import NONE, Bools, Floats, Ints, distance
 from .selection import conflict_graph, greedy
@@ -55,6 +55,10 @@ class Choice:
     held: dict[int, float] = field(default_factory=dict)
     """Nodes that hold f down, and what they hold it under, on this level and the coarser ones."""
 
+    def hold(self, node: int, room: float) -> None:
+        """Have a node hold f down."""
+        self.held[node] = min(room, self.held.get(node, np.inf))
+
     def size(self, domain: Domain) -> int:
         """Return the number of nodes, copies counted."""
         return sum(len(domain.copies[v]) for v in np.flatnonzero(self.kept)) + len(self.interior)
@@ -72,18 +76,20 @@ def rank(order: Ints, f: Floats) -> Ints:
 
 def select(
     domain: Domain, candidates: Candidates, f: Floats, seeds: Choice, candidate_of: Ints, rules: Rules
-) -> tuple[Choice, Floats]:
-    """Select a level's nodes among the candidates, keeping `seeds`, the next coarser level's; also f as it was held.
+) -> tuple[Choice, Floats, Bools]:
+    """Select a level's nodes among the candidates, keeping `seeds`, the next coarser level's.
+
+    Also returns f as it was held, and which candidates are interior and in the coarse domain, however near to its rim.
 
     Where kept facet vertices conflict (corners, vertices put back, seeds), and `rules.hold` asks for it, f is held
     under beta/2 of their distance there, rising with the gradation as everywhere: cells at a short chord are small.
     """
-    facets = len(domain)
     seeded = candidate_of[seeds.interior]
     kept = domain.corner | seeds.kept
-    held = dict(seeds.held)
+    choice = Choice(kept, held=dict(seeds.held))
     if rules.hold:
-        f = lowered(candidates, f, {int(candidate_of[node]): room for node, room in held.items()}, rules.gradation)
+        held = {int(candidate_of[node]): room for node, room in choice.held.items()}
+        f = lowered(candidates, f, held, rules.gradation)
     for round_ in range(1, MOST_ROUNDS + 1):
         keep = np.concatenate([np.flatnonzero(kept), seeded])
         order = rank(np.flatnonzero(~kept), f)
@@ -96,17 +102,16 @@ def select(
             break
         f = lowered(candidates, f, crowded, rules.gradation)
         for v, room in crowded.items():
-            node = int(candidates.nodes[v])
-            held[node] = min(room, held.get(node, np.inf))
+            choice.hold(int(candidates.nodes[v]), room)
 
-    free = inside_candidates(domain, candidates, f, chords, rules.delta)
+    inside, near = places(domain, candidates, f, chords, rules.delta)
+    free = inside & ~near
     free[seeded] = False
     keep = np.concatenate([np.flatnonzero(kept), seeded])
     order = rank(np.flatnonzero(free), f)
     chosen = greedy(candidates.points, f, rules.beta, order, keep)
     interior = np.concatenate([seeds.interior, candidates.nodes[chosen]])
-    assert not (chosen < facets).any()
-    return Choice(kept, interior, chords, held), f
+    return replace(choice, interior=interior, chords=chords), f, inside
 
 
 def crowded_vertices(domain: Domain, kept: Bools, f: Floats, beta: float) -> dict[int, float]:
@@ -129,16 +134,17 @@ def lowered(candidates: Candidates, f: Floats, rooms: dict[int, float], gradatio
     return f
 
 
-def inside_candidates(domain: Domain, candidates: Candidates, f: Floats, chords: list[Chord], delta: float) -> Bools:
-    """Whether candidates are interior nodes that lie in the coarse domain, delta * f away from its facets."""
+def places(domain: Domain, candidates: Candidates, f: Floats, chords: list[Chord], delta: float) -> tuple[Bools, Bools]:
+    """Whether candidates are interior nodes that lie in the coarse domain; whether they are within delta * f of it."""
     inside = np.arange(len(f)) >= len(domain)
+    near = np.zeros(len(f), np.bool_)
     reach_2 = (delta * f) * (delta * f)
     for chord in chords:
         a, b = domain.points[list(chord.vertices)]
-        inside &= ~(segment_distance_2(candidates.points, a, b) < reach_2)
+        near |= segment_distance_2(candidates.points, a, b) < reach_2
         if chord.deviation_2 > 0.0:
             inside &= ~holds(domain, chord, candidates.points)
-    return inside
+    return inside, near
 
 
 # --- from the choice to a mesh ---------------------------------------------------------------------------------------
@@ -211,6 +217,46 @@ def flood(
             if (a, b) not in walls:
                 waiting.append((b, a))
     return cells, apex
+
+
+NARROW = 0.9659258262890683
+"""Cosine of the angle (15 degrees) that a level's cells are held to wherever the domain lets them."""
+
+
+def narrow_cells(domain: Domain, points: Floats, choice: Choice, level: Triangulated) -> tuple[int, set[int]]:
+    """Return the number of cells under 15 degrees, and facet vertices whose return would split a chord next to one.
+
+    Angles between two chords are left aside. Of a narrow cell's longest chord that spans several facet edges (the first
+    of equals) the vertex nearest to the corner opposite is to return.
+    """
+    site_of = {int(s): k for k, s in enumerate(level.sites)}
+    chord_of: dict[Edge, int] = {}
+    for c, chord in enumerate(choice.chords):
+        a, b = (site_of[v] for v in chord.vertices)
+        chord_of[a, b] = chord_of[b, a] = c
+    facets = len(domain)
+    place = [domain.points[s] if s < facets else points[s - facets] for s in level.sites]
+    narrow, back = 0, set()
+    for cell in level.cells:
+        p = [place[s] for s in cell]
+        edges = [p[k - 2] - p[k] for k in range(3)]
+        length = [float(np.sqrt(x * x + y * y)) for x, y in edges]
+        chords = [chord_of.get((cell[k], cell[k - 2]), NONE) for k in range(3)]
+        for k in range(3):
+            cosine = -(edges[k][0] * edges[k - 1][0] + edges[k][1] * edges[k - 1][1])
+            between_chords = chords[k] != NONE and chords[k - 1] != NONE
+            if not between_chords and cosine > NARROW * (length[k] * length[k - 1]):
+                break
+        else:
+            continue
+        narrow += 1
+        split = [k for k in range(3) if chords[k] != NONE and choice.chords[chords[k]].splits]
+        if split:
+            k = min(split, key=lambda k: (-length[k], chords[k]))
+            inner = piece(domain, choice.chords[chords[k]])[1:-1]
+            away = distance(domain.points[inner], p[k - 1])
+            back.add(int(min(zip(away, inner, strict=True))[1]))
+    return narrow, back
 
 
 def assemble(domain: Domain, choice: Choice, level: Triangulated) -> LevelMesh:
