@@ -174,7 +174,8 @@ class _Mending:
                 elif error.rule == "coincident nodes" and error.index is not None and not _is_soup(error):
                     mended = self._merge_at(place, int(nodes[error.index])) or self._merge_all(place)
                 else:
-                    mended = error.rule == "coincident nodes" and self._merge_all(place)
+                    begun = bool((self.node != np.arange(len(self.node))).any())
+                    mended = (begun or error.rule == "coincident nodes") and self._merge_all(place)
                 if not mended:
                     raise
                 self.drop_bad_cells()
