@@ -1,4 +1,4 @@
-"""The rules of a legal mesh by brute force, on integer coordinates: every pair of cells, every node against every edge."""
+"""The rules of a legal mesh by brute force, on integer coordinates: all pairs of cells, every node and every edge."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def test_narrow_indices_stay_narrow():
         lambda a: a.astype(np.int16),
         lambda a: a.astype(np.uint64),
         lambda a: a.astype(">i4"),
-        lambda a: np.ma.masked_array(a),
+        np.ma.masked_array,
     ],
 )
 def test_arrays_of_any_real_dtype_order_and_nesting_make_the_same_mesh(convert):
