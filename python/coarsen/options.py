@@ -84,7 +84,9 @@ class Options:
     gradation: float = _option(0.7, "Lipschitz constant in (0, 1] of the coarsened spacing; 1 is the paper's")
     features: str = _option("keep", "keep or drop holes, inlets and steps smaller than the spacing")
     candidates: str = _option("pool", "draw coarse levels from an independent set of a finer one, or from every node")
-    min_angle: float | None = _option(None, "quality guard: work for no angle under this many degrees; default 25, off with plain; 0: off")
+    min_angle: float | None = _option(
+        None, "quality guard: no angle under this many degrees; default 25, off with plain; 0: off"
+    )
     feature_angle: float = _option(60.0, "degrees: the boundary has a corner where it turns by more")
     backend: str = _option("rust", "the fast one or the NumPy reference")
     threads: int | None = _option(None, "threads to work with; default: all cores")
