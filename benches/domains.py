@@ -76,7 +76,7 @@ def main() -> None:
     parser.add_argument("--features", nargs="+", choices=FEATURES, default=["keep", "drop"])
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    text = "".join(f"## `features=\"{f}\"`\n\n{table(arguments.folder, f)}\n" for f in arguments.features)
+    text = "".join(f'## `features="{f}"`\n\n{table(arguments.folder, f)}\n' for f in arguments.features)
     if arguments.write is None:
         print(text)
     else:
