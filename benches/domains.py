@@ -3,7 +3,8 @@
     python benches/domains.py FOLDER [--features keep drop auto] [--write docs/domains-table.md]
 
 Columns: nodes, triangles, smallest angle of the level, the same without cells whose smallest angle lies between two
-facets, share of triangles under 15 degrees (facet angles left aside too), area against the input, seconds for all levels.
+facets, share of triangles under 15 degrees (facet angles left aside too), area against the input,
+seconds for all levels.
 """
 
 from __future__ import annotations

@@ -1,12 +1,40 @@
 """The Rust core; `coarsen.reference` offers the same functions in NumPy."""
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from coarsen.multilevel import FacetArrays
+from coarsen.options import Options
+
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
+_Cells = npt.NDArray[np.int32] | _Indices
+_Report = Callable[[str, int, int], None]
+# levels, why it stopped, spacing of the finest level
+_Made = tuple[list[dict[str, Any]], str, _Floats]
+
+__all__ = [
+    "__version__",
+    "cell_quality",
+    "check_mesh",
+    "coarsened",
+    "conflict_graph",
+    "delaunay",
+    "galerkin",
+    "hierarchy",
+    "independent_set",
+    "line_hierarchy",
+    "nearest",
+    "nearest_at",
+    "overlap",
+    "prolongation",
+    "quadtree",
+    "skeleton_independent_set",
+    "threshold",
+]
 
 __version__: str
 
@@ -21,10 +49,32 @@ def conflict_graph(points: _Floats, f: _Floats, beta: float, threads: int | None
 def independent_set(
     points: _Floats, f: _Floats, beta: float, rank: _Indices | None, keep: _Indices | None, threads: int | None
 ) -> _Indices: ...
-def skeleton_independent_set(n_points: int, cells: npt.NDArray[np.int32] | _Indices) -> _Indices: ...
+def skeleton_independent_set(n_points: int, cells: _Cells) -> _Indices: ...
+def delaunay(points: _Floats, facets: _Indices | None) -> _Indices: ...
+def check_mesh(
+    points: _Floats, cells: _Cells, facets: _Indices | None, cell_tags: _Indices | None, threads: int | None
+) -> dict[str, Any]: ...
+def cell_quality(points: _Floats, cells: _Cells, percentiles: _Floats) -> tuple[_Floats, float, float, float]: ...
+def hierarchy(
+    points: _Floats,
+    cells: _Indices,
+    facets: FacetArrays,
+    spacing: _Floats | None,
+    options: Options,
+    progress: _Report | None,
+    threads: int | None,
+) -> _Made: ...
+def line_hierarchy(
+    points: _Floats,
+    cells: _Indices,
+    cell_tags: _Indices | None,
+    spacing: _Floats | None,
+    options: Options,
+    progress: _Report | None,
+    threads: int | None,
+) -> _Made: ...
 
 _Narrow = npt.NDArray[np.int32]
-_Cells = _Narrow | _Indices
 _Rows = tuple[_Narrow, _Narrow, _Floats]  # indptr, indices, data
 
 class _Csr(Protocol):

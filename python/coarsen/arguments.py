@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def _real_array(name: str, value: npt.ArrayLike, shape: str) -> npt.NDArray[np.generic]:
+def _real_array(name: str, value: npt.ArrayLike, shape: str) -> npt.NDArray[Any]:
     try:
         array = np.asarray(value)
     except ValueError as error:

@@ -78,7 +78,7 @@ class Conditioning:
 
     @property
     def theta(self) -> float:
-        """The smallest angle of all coarser levels, in degrees, as Definition 2.4 has it: also 180° less the largest."""
+        """The smallest angle of all coarser levels in degrees, or 180° less the largest (Definition 2.4)."""
         coarser = self.levels[1:] or self.levels
         return min(min(one.min_angle, 180.0 - one.max_angle) for one in coarser)
 
@@ -102,7 +102,8 @@ def longest_edges(mesh: Mesh) -> NDArray[np.float64]:
     """Return el of every cell (Definition 2.1): (m,), in the units of the points."""
     corners = mesh.points[mesh.cells]
     edges = np.roll(corners, -1, axis=1) - corners
-    return np.sqrt((edges**2).sum(axis=-1)).max(axis=1)
+    longest: NDArray[np.float64] = np.sqrt((edges**2).sum(axis=-1)).max(axis=1)
+    return longest
 
 
 def similarity(finer: Level, coarser: Level, name: str = "rust") -> float:
@@ -128,7 +129,7 @@ def _line_similarity(one: Mesh, two: Mesh) -> float:
 
 
 def least_cells(mesh: Mesh, factor: float) -> float:
-    """Return the least number of cells of a mesh whose elements are as large as a coarsening by `factor` may have them."""
+    """Return the least number of cells of a mesh with elements as large as a coarsening by `factor` may have."""
     el = longest_edges(mesh)
     corners = mesh.points[mesh.cells]
     out, back = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

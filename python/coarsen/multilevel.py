@@ -14,16 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from coarsen.mesh import Mesh, Quality, Topology
-from coarsen.options import Options
 
 from coarsen import spacing as spacings
 from coarsen.backend import backend
+from coarsen.mesh import Mesh, Quality, Topology
+from coarsen.options import Options
 
 if TYPE_CHECKING:
-    from coarsen.check import Conditioning
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
+
+    from coarsen.check import Conditioning
 
 STOPPED = {
     "levels": "the {depth} levels asked for are there",
@@ -56,7 +57,7 @@ class Level:
     factor: float
     spacing: NDArray[np.float64]
     visits: int = 0
-    dropped: dict[str, float] | None = None
+    dropped: dict[str, Any] | None = None
 
     @cached_property
     def quality(self) -> Quality:

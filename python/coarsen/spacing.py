@@ -7,6 +7,8 @@ backends return the minimum of the same rounded formula, bit for bit, whatever t
 
 from __future__ import annotations
 
+from collections.abc import Sized
+
 import numpy.typing as npt
 
 from coarsen.arguments import FloatArray, factor_over_1, number, points_array, spacing_array, thread_count
@@ -154,7 +156,7 @@ def threshold(g: npt.ArrayLike, factor: float, *, backend: str = "rust") -> Floa
     >>> coarsen.spacing.threshold([1.0, 1.5, 3.0], 2.0)
     array([2., 2., 3.])
     """
-    g = spacing_array("g", g, len(g) if hasattr(g, "__len__") else 0)
+    g = spacing_array("g", g, len(g) if isinstance(g, Sized) else 0)
     spacing: FloatArray = chosen(backend).threshold(g, factor_over_1(factor))
     return spacing
 

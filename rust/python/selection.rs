@@ -1,6 +1,6 @@
 //! Bindings of `selection`.
 
-use super::arrays::{by_dimension, cells, index_array, index_rows, indices, rows, values};
+use super::arrays::{by_dimension, cells as cell_rows, index_array, index_rows, indices, rows, values};
 use super::run::run;
 use crate::error::Error;
 use crate::kdtree::KdTree;
@@ -47,11 +47,11 @@ fn independent_set<'py>(
 }
 
 #[pyfunction(name = "skeleton_independent_set")]
-fn skeleton<'py>(py: Python<'py>, n_points: usize, cells_: &Bound<'py, PyUntypedArray>) -> PyResult<Indices<'py>> {
-    let set = match numpy::PyUntypedArrayMethods::shape(cells_).get(1) {
-        Some(2) => selection::skeleton_independent_set(n_points, &cells::<2>(cells_, n_points)?),
-        Some(3) => selection::skeleton_independent_set(n_points, &cells::<3>(cells_, n_points)?),
-        Some(4) => selection::skeleton_independent_set(n_points, &cells::<4>(cells_, n_points)?),
+fn skeleton<'py>(py: Python<'py>, n_points: usize, cells: &Bound<'py, PyUntypedArray>) -> PyResult<Indices<'py>> {
+    let set = match numpy::PyUntypedArrayMethods::shape(cells).get(1) {
+        Some(2) => selection::skeleton_independent_set(n_points, &cell_rows::<2>(cells, n_points)?),
+        Some(3) => selection::skeleton_independent_set(n_points, &cell_rows::<3>(cells, n_points)?),
+        Some(4) => selection::skeleton_independent_set(n_points, &cell_rows::<4>(cells, n_points)?),
         _ => return Err(Error::Argument("'cells' is no (m, d + 1) array with d from 1 to 3".into()).into()),
     };
     Ok(index_array(py, &set))
