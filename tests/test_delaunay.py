@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+import coarsen
 from clouds import clouds
 from coarsen import reference
 from coarsen.backend import backend
@@ -124,3 +125,25 @@ def test_a_facet_across_a_lattice_is_kept_whatever_it_crosses(name):
     lattice = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0)), axis=-1).reshape(-1, 2)
     for facet in ([0, 142], [11, 120], [5, 138]):
         assert_is_delaunay_of(lattice, backend(name).delaunay(lattice, np.array([facet])), [facet])
+
+
+@each_backend
+def test_the_public_function_takes_what_looks_like_arrays(name):
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    cells = coarsen.delaunay(square, facets=[(1, 3)], backend=name)
+    assert_is_delaunay_of(np.array(square, dtype=float), cells, [(1, 3)])
+    assert len(coarsen.delaunay([[0, 0], [1, 1], [2, 2]], facets=[], backend=name)) == 0
+
+
+@pytest.mark.parametrize(
+    ("facets", "said"),
+    [
+        ([[0, 9]], r"'facets\[1\]' is 9"),
+        ([0, 1], r"'facets' has shape \(2,\), expected \(s, 2\)"),
+        ([[0.5, 1]], "'facets' has dtype float64"),
+        ([[0, 1], [2]], "'facets' is no array"),
+    ],
+)
+def test_facets_that_are_none_are_refused_with_words(facets, said):
+    with pytest.raises(ValueError, match=said):
+        coarsen.delaunay([[0, 0], [1, 0], [0, 1]], facets=facets)
