@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from domains import angles_of
 
 import coarsen
+from domains import angles_of
 
 VARIED: dict[str, list[Any]] = {
     "gradation": [0.35, 0.5, 0.6, 0.7, 0.85, 1.0],
