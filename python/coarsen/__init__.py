@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .options import Options
     from .quality import Quality
     from .report import report
-    from .triangulation import delaunay
+    from .selection import delaunay
 
 # Names are handed on when they are first asked for, so that `import coarsen` costs next to nothing: name -> (module,
 # attribute), or (module, None) for the module itself.
@@ -36,7 +36,7 @@ _NAMES: dict[str, tuple[str, str | None]] = {
     "Quality": ("quality", "Quality"),
     "__version__": ("_core", "__version__"),
     "coarsen": ("multilevel", "coarsen"),
-    "delaunay": ("triangulation", "delaunay"),
+    "delaunay": ("selection", "delaunay"),
     "gallery": ("gallery", None),
     "hierarchy": ("multilevel", "hierarchy"),
     "io": ("io", None),

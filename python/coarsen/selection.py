@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from coarsen.arguments import IntArray, index_array, number, points_array, rank_array, spacing_array, thread_count
 from coarsen.backend import backend as chosen
+from coarsen.triangulation import delaunay as delaunay  # the package hands it on from here
 
 
 class HasCells(Protocol):
