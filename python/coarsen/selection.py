@@ -13,7 +13,9 @@ import numpy.typing as npt
 
 from coarsen.arguments import IntArray, index_array, number, points_array, rank_array, spacing_array, thread_count
 from coarsen.backend import backend as chosen
-from coarsen.triangulation import delaunay as delaunay  # the package hands it on from here
+from coarsen.triangulation import delaunay
+
+__all__ = ["HasCells", "conflict_graph", "delaunay", "independent_set", "skeleton_independent_set"]
 
 
 class HasCells(Protocol):
