@@ -27,7 +27,7 @@ extensions = [
     "measured",
     "generated",
 ]
-exclude_patterns = ["gallery/**/*.ipynb", "gallery/**/*.py", "gallery/**/*.md5"]
+exclude_patterns = ["*-table.md", "gallery/**/*.ipynb", "gallery/**/*.py", "gallery/**/*.md5"]
 suppress_warnings = ["config.cache"]  # sphinx-gallery keeps a function among the settings
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]

@@ -5,6 +5,7 @@ Solve with it
 A geometric multigrid solver in thirty lines: the levels' operators are the products of the prolongations.
 """
 
+import matplotlib.pyplot as plt
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
@@ -64,3 +65,6 @@ x, info = spl.cg(
     A[0], b, rtol=1e-8, M=preconditioner, callback=lambda x: residuals.append(np.linalg.norm(b - A[0] @ x))
 )
 print(f"{len(residuals)} steps, residual {residuals[-1]:.1e}")
+figure, ax = plt.subplots(figsize=(6, 3.5), layout="constrained")
+ax.semilogy(residuals, "o-")
+ax.set(xlabel="step", ylabel="residual")
