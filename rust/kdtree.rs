@@ -195,10 +195,25 @@ impl<const D: usize> KdTree<D> {
         range(node, self.points.len())
     }
 
-    /// Whether a node has no children.
+    /// Nodes of one depth that hold up to `most` points each, in leaf order (leaves where `most` is less than [`LEAF`]).
+    pub fn parts(&self, most: usize) -> Range<usize> {
+        let mut first = 1;
+        while first < self.first_leaf && self.len().div_ceil(first) > most {
+            first *= 2;
+        }
+        first..2 * first
+    }
+
+    /// The leaves under a node.
+    pub fn leaves(&self, node: usize) -> Range<usize> {
+        let below = self.first_leaf.ilog2() - node.ilog2();
+        node << below..(node + 1) << below
+    }
+
+    /// Whether searches go no further down: a leaf, or all points at one location.
     #[inline(always)]
-    pub fn is_leaf(&self, node: usize) -> bool {
-        node >= self.first_leaf
+    fn is_end(&self, node: usize) -> bool {
+        node >= self.first_leaf || self.bounds[node].is_location()
     }
 
     /// A value for every node (heap order, entry 0 unused): `leaf` makes it at the leaves, `join` from two children.
@@ -247,7 +262,7 @@ impl<const D: usize> KdTree<D> {
         let mut node = 1;
         let mut open = bound(node) < limit;
         loop {
-            if open && !self.is_leaf(node) && !self.bounds[node].is_location() {
+            if open && !self.is_end(node) {
                 let (left, right) = (2 * node, 2 * node + 1);
                 let (left_bound, right_bound) = (bound(left), bound(right));
                 let (near, near_bound, far, far_bound) = if right_bound < left_bound {
@@ -279,6 +294,72 @@ impl<const D: usize> KdTree<D> {
         }
     }
 
+    /// Visits every leaf, or larger node of one location, that can be reached through nodes where `enter` holds.
+    #[inline(always)]
+    pub fn descend(&self, enter: impl FnMut(usize) -> bool, visit: impl FnMut(usize, Range<usize>)) {
+        self.descend_from(1, enter, visit);
+    }
+
+    /// [`KdTree::descend`] that begins at the node `start` and goes up from there: the siblings on the way to the root
+    /// hold all the rest. Where `enter` gets narrower by what was visited, a near start saves most of the way down, and no
+    /// look at a sibling waits for the one before.
+    #[inline(always)]
+    pub fn descend_from(
+        &self,
+        start: usize,
+        mut enter: impl FnMut(usize) -> bool,
+        mut visit: impl FnMut(usize, Range<usize>),
+    ) {
+        let mut stack = [0; 40];
+        let mut above = start;
+        let mut node = start;
+        let mut open = enter(node);
+        loop {
+            let mut top = 0;
+            loop {
+                if open && !self.is_end(node) {
+                    let (left, right) = (2 * node, 2 * node + 1);
+                    let (left_open, right_open) = (enter(left), enter(right));
+                    if left_open && right_open {
+                        stack[top] = right;
+                        top += 1;
+                    }
+                    (node, open) = (if left_open { left } else { right }, left_open || right_open);
+                    continue;
+                }
+                if open {
+                    visit(node, self.range(node));
+                }
+                if top == 0 {
+                    break;
+                }
+                top -= 1;
+                (node, open) = (stack[top], true);
+            }
+            open = false;
+            while !open {
+                if above == 1 {
+                    return;
+                }
+                node = above ^ 1;
+                above /= 2;
+                open = enter(node);
+            }
+        }
+    }
+
+    /// The leaf (or larger node of one location) that is reached by the nearer child at every step.
+    #[inline]
+    pub fn leaf_near(&self, around: &Bounds<D>) -> usize {
+        let mut node = 1;
+        while !self.is_end(node) {
+            let left = self.bounds[2 * node].gap_2(around);
+            let right = self.bounds[2 * node + 1].gap_2(around);
+            node = 2 * node + usize::from(right < left);
+        }
+        node
+    }
+
     /// The point nearest to `x` among those at a distance over 0 from `apart` (all of them where that is `None`): squared
     /// distance and leaf position, the least original index of equals. Infinite and `None` where there is none.
     pub fn nearest(&self, x: &Point<D>, apart: Option<&Point<D>>) -> (f64, Option<usize>) {
@@ -304,41 +385,12 @@ impl<const D: usize> KdTree<D> {
         (best.0, best.2)
     }
 
-    /// Visits every leaf that can be reached through nodes where `enter` holds.
-    #[inline(always)]
-    pub fn descend(&self, mut enter: impl FnMut(usize) -> bool, mut visit: impl FnMut(Range<usize>)) {
-        let mut stack = [0; 40];
-        let mut top = 0;
-        let mut node = 1;
-        let mut open = enter(node);
-        loop {
-            if open && !self.is_leaf(node) {
-                let (left, right) = (2 * node, 2 * node + 1);
-                let (left_open, right_open) = (enter(left), enter(right));
-                if left_open && right_open {
-                    stack[top] = right;
-                    top += 1;
-                }
-                (node, open) = (if left_open { left } else { right }, left_open || right_open);
-                continue;
-            }
-            if open {
-                visit(self.range(node));
-            }
-            if top == 0 {
-                return;
-            }
-            top -= 1;
-            (node, open) = (stack[top], true);
-        }
-    }
-
     /// Calls `found` with the leaf position and squared distance of every point nearer to `x` than `radius`.
     pub fn ball(&self, x: &Point<D>, radius: f64, mut found: impl FnMut(usize, f64)) {
         let radius_2 = (radius * radius).next_up();
         self.descend(
             |node| self.bounds[node].distance_2(x) < radius_2,
-            |range| {
+            |_, range| {
                 for position in range {
                     let d_2 = distance_2(&self.points[position], x);
                     if d_2.sqrt() < radius {

@@ -74,7 +74,7 @@ pub fn conflict_graph<const D: usize>(
                 let (x, i) = (&tree.points()[p], tree.order()[p]);
                 tree.descend(
                     |node| may_conflict(tree, rule, node, x, weights[p] + most[node]),
-                    |range| {
+                    |_, range| {
                         for q in range {
                             let j = tree.order()[q];
                             if i < j && rule.conflict(distance_2(&tree.points()[q], x), weights[p] + weights[q]) {
@@ -118,7 +118,7 @@ impl<'a, const D: usize> Free<'a, D> {
     fn conflicts(&self, x: &Point<D>, f: f64, found: &mut Vec<u32>) {
         self.tree.descend(
             |node| may_conflict(self.tree, self.rule, node, x, f + self.most[node]),
-            |range| {
+            |_, range| {
                 for q in range {
                     if self.rule.conflict(distance_2(&self.tree.points()[q], x), f + self.f[q]) {
                         found.push(q as u32);

@@ -16,9 +16,9 @@ use crate::kdtree::{Bounds, GRAIN, KdTree, LEAF};
 use crate::point::{Point, distance, distance_2};
 use crate::progress::Progress;
 use rayon::prelude::*;
-
-/// Leaves of queries that one thread answers between two looks at the progress.
-const LEAVES_AT_ONCE: usize = GRAIN / LEAF;
+use std::cell::Cell;
+use std::ops::Range;
+use std::slice;
 
 /// Queries walk down the tree together while their box is at most so many times as wide as g at the site that won last.
 const WIDTHS_TOGETHER: f64 = 32.0;
@@ -28,8 +28,8 @@ const WIDTHS_TOGETHER: f64 = 32.0;
 ///
 /// Runtime: O(n log n) for bounded density, in parallel.
 pub fn nearest<const D: usize>(tree: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
-    let blocks = in_blocks(tree.points(), progress, |points, found| nearest_block(tree, points, found))?;
-    Ok(by_index(tree, &blocks))
+    let in_leaf_order = by_leaves(tree, progress, |leaves, found| nearest_in(tree, leaves, found))?;
+    Ok(by_index(tree, &in_leaf_order))
 }
 
 /// NN_P anywhere: the radius of the smallest closed ball about x that holds two points of P at different locations.
@@ -86,83 +86,108 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
 
     /// f at every point of the tree, by original index.
     pub fn at_points(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
-        let blocks = in_blocks(self.tree.points(), progress, |points, found| self.block(factor, points, found))?;
-        Ok(by_index(self.tree, &blocks))
+        Ok(by_index(self.tree, &self.at_leaves(factor, progress)?))
+    }
+
+    /// f at every point of the tree, in leaf order.
+    pub fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
+        let level = self.level(factor);
+        by_leaves(self.tree, progress, |leaves, mut found| {
+            let mut winner = None;
+            for leaf in leaves {
+                let range = self.tree.range(leaf);
+                let (best, rest) = found.split_at_mut(range.len());
+                level.block(Some(leaf), &self.tree.points()[range], best, &mut winner);
+                found = rest;
+            }
+        })
     }
 
     /// f at any locations; fast when many neighbours are asked for together, in any order.
     pub fn at(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
-        in_order_of(at, |queries| in_blocks(queries, progress, |points, found| self.block(factor, points, found)))
+        in_order_of(at, |queries| self.at_sorted(factor, queries, progress))
     }
 
     /// f at locations that already are in some spatial order.
     pub fn at_sorted(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
-        in_blocks(at, progress, |points, found| self.block(factor, points, found))
+        let level = self.level(factor);
+        in_blocks(at, progress, |points, found| {
+            let mut winner = None;
+            for (queries, best) in points.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
+                level.block(None, queries, best, &mut winner);
+            }
+        })
     }
 
+    /// For one factor.
+    fn level(&self, factor: f64) -> Level<'_, 'a, D> {
+        // rounding is monotone: never over the weight of any point in the node
+        let grown = self.least_g.iter().map(|g| factor * g);
+        let least = match &self.cap {
+            Some(cap) => grown.zip(&cap.least).map(|(grown, &cap)| if cap < grown { cap } else { grown }).collect(),
+            None => grown.collect(),
+        };
+        Level { spacing: self, factor, least }
+    }
+}
+
+/// A spacing with its factor, and the least weight of every node.
+struct Level<'s, 'a, const D: usize> {
+    spacing: &'s CoarseSpacing<'a, D>,
+    factor: f64,
+    least: Vec<f64>,
+}
+
+/// The site that won last.
+type Winner = Option<usize>;
+
+impl<const D: usize> Level<'_, '_, D> {
     #[inline(always)]
-    fn weight(&self, factor: f64, position: usize) -> f64 {
-        let grown = factor * self.g[position];
-        match &self.cap {
+    fn weight(&self, position: usize) -> f64 {
+        let grown = self.factor * self.spacing.g[position];
+        match &self.spacing.cap {
             Some(cap) if cap.at[position] < grown => cap.at[position],
             _ => grown,
         }
     }
 
-    /// Never over the weight of any point in the node, for rounding is monotone.
     #[inline(always)]
-    fn least_weight(&self, factor: f64, node: usize) -> f64 {
-        let grown = factor * self.least_g[node];
-        match &self.cap {
-            Some(cap) if cap.least[node] < grown => cap.least[node],
-            _ => grown,
-        }
+    fn cone(&self, position: usize, x: &Point<D>) -> f64 {
+        self.weight(position) + self.spacing.gradation * distance(&self.spacing.tree.points()[position], x)
     }
 
-    /// f at up to [`GRAIN`] neighbours.
-    fn block(&self, factor: f64, queries: &[Point<D>], found: &mut [f64]) {
-        let mut winner = None;
-        for (queries, best) in queries.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
-            let around = Bounds::of(queries);
-            // a walk for all looks at sites that win nowhere, within about the box's width of the winner: no loss where
-            // few sites are there, but a bad one where a far cluster of much finer ones wins
-            let together = winner.is_some_and(|p| around.width() <= WIDTHS_TOGETHER * self.g[p]);
-            if together {
-                self.walk(factor, queries, &around, best, &mut winner);
-            } else {
-                for (x, best) in queries.chunks(1).zip(best.chunks_mut(1)) {
-                    self.walk(factor, x, &Bounds::of(x), best, &mut winner);
-                }
+    /// f at a few neighbours, which are the points of `leaf` where that is given.
+    fn block(&self, leaf: Option<usize>, queries: &[Point<D>], best: &mut [f64], winner: &mut Winner) {
+        let around = Bounds::of(queries);
+        let start = |around: &Bounds<D>| leaf.unwrap_or_else(|| self.spacing.tree.leaf_near(around));
+        // a walk for all looks at sites that win nowhere, within about the box's width of the winner: no loss where few
+        // sites are there, but a bad one where a far cluster of much finer ones wins
+        let together = winner.is_some_and(|p| around.width() <= WIDTHS_TOGETHER * self.spacing.g[p]);
+        if together {
+            self.walk(start(&around), queries, &around, best, winner);
+        } else {
+            for (x, best) in queries.iter().zip(best) {
+                let around = Bounds::of([x]);
+                self.walk(start(&around), slice::from_ref(x), &around, slice::from_mut(best), winner);
             }
         }
     }
 
-    /// One walk down the tree for a few queries in the box `around`, from the last `winner`.
+    /// One walk over the tree for a few queries in the box `around`, from a node near them.
     #[inline(always)]
-    fn walk(
-        &self,
-        factor: f64,
-        queries: &[Point<D>],
-        around: &Bounds<D>,
-        best: &mut [f64],
-        winner: &mut Option<usize>,
-    ) {
-        let (tree, slope) = (self.tree, self.gradation);
+    fn walk(&self, start: usize, queries: &[Point<D>], around: &Bounds<D>, best: &mut [f64], winner: &mut Winner) {
+        let (tree, slope) = (self.spacing.tree, self.spacing.gradation);
         for (x, best) in queries.iter().zip(best.iter_mut()) {
-            *best = match *winner {
-                Some(p) => self.weight(factor, p) + slope * distance(&tree.points()[p], x),
-                None => f64::INFINITY,
-            };
+            *best = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
         }
-        tree.search(
-            greatest(best),
-            |node| self.least_weight(factor, node) + slope * tree.bounds(node).gap_2(around).sqrt(),
+        let limit = Cell::new(greatest(best));
+        tree.descend_from(
+            start,
+            |node| self.least[node] + slope * tree.bounds(node).gap_2(around).sqrt() < limit.get(),
             |node, range| {
-                let bounds = tree.bounds(node);
-                let least = self.least_weight(factor, node);
-                // copies of one point: the least weighs as one, and a minimum of rounded sums is the sum with the minimum
-                let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
-                let lone = range.len() == 1;
+                let (bounds, least) = (tree.bounds(node), self.least[node]);
+                // copies of one point: a minimum of rounded sums is the rounded sum with the minimum
+                let lone = bounds.is_location();
                 for (x, best) in queries.iter().zip(best.iter_mut()) {
                     let bound = least + slope * bounds.distance_2(x).sqrt();
                     if bound < *best && lone {
@@ -170,7 +195,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
                         *winner = Some(range.start);
                     } else if bound < *best {
                         for p in range.clone() {
-                            let value = self.weight(factor, p) + slope * distance(&tree.points()[p], x);
+                            let value = self.cone(p, x);
                             if value < *best {
                                 *best = value;
                                 *winner = Some(p);
@@ -178,7 +203,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
                         }
                     }
                 }
-                greatest(best)
+                limit.set(greatest(best));
             },
         );
     }
@@ -201,14 +226,18 @@ pub fn coarsened<const D: usize>(
     }
 }
 
-/// NN_P at a leaf of the same tree or a few neighbours elsewhere.
-fn nearest_block<const D: usize>(tree: &KdTree<D>, queries: &[Point<D>], found: &mut [f64]) {
-    for (queries, best) in queries.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
-        let around = Bounds::of(queries);
+/// NN_P at the points of some leaves of the tree.
+fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found: &mut [f64]) {
+    for leaf in leaves {
+        let own = tree.range(leaf);
+        let (best, rest) = found.split_at_mut(own.len());
+        found = rest;
+        let (queries, around) = (&tree.points()[own], tree.bounds(leaf));
         best.fill(f64::INFINITY);
-        tree.search(
-            f64::INFINITY,
-            |node| tree.bounds(node).gap_2(&around),
+        let limit = Cell::new(f64::INFINITY);
+        tree.descend_from(
+            leaf,
+            |node| tree.bounds(node).gap_2(around) < limit.get(),
             |node, range| {
                 let bounds = tree.bounds(node);
                 let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
@@ -222,7 +251,7 @@ fn nearest_block<const D: usize>(tree: &KdTree<D>, queries: &[Point<D>], found: 
                         }
                     }
                 }
-                greatest(best)
+                limit.set(greatest(best));
             },
         );
         best.iter_mut().for_each(|value| *value = value.sqrt());
@@ -234,6 +263,30 @@ fn greatest(values: &[f64]) -> f64 {
     values.iter().fold(f64::NEG_INFINITY, |a, &b| if b > a { b } else { a })
 }
 
+/// Answers for the points of a tree, in leaf order: some leaves at once, these in parallel.
+fn by_leaves<const D: usize>(
+    tree: &KdTree<D>,
+    progress: &Progress,
+    answer: impl Fn(Range<usize>, &mut [f64]) + Sync,
+) -> Result<Vec<f64>, Error> {
+    let mut found = vec![0.0; tree.len()];
+    let mut rest = &mut found[..];
+    let mut parts = Vec::new();
+    for part in tree.parts(GRAIN) {
+        let (own, others) = rest.split_at_mut(tree.range(part).len());
+        parts.push((part, own));
+        rest = others;
+    }
+    parts.into_par_iter().try_for_each(|(part, found)| {
+        progress.check()?;
+        let count = found.len();
+        answer(tree.leaves(part), found);
+        progress.advance(count as u64);
+        Ok(())
+    })?;
+    Ok(found)
+}
+
 /// Answers spatially sorted queries by blocks in parallel.
 fn in_blocks<const D: usize>(
     queries: &[Point<D>],
@@ -241,8 +294,7 @@ fn in_blocks<const D: usize>(
     answer: impl Fn(&[Point<D>], &mut [f64]) + Sync,
 ) -> Result<Vec<f64>, Error> {
     let mut found = vec![0.0; queries.len()];
-    let at_once = LEAVES_AT_ONCE * LEAF;
-    queries.par_chunks(at_once).zip(found.par_chunks_mut(at_once)).try_for_each(|(queries, found)| {
+    queries.par_chunks(GRAIN).zip(found.par_chunks_mut(GRAIN)).try_for_each(|(queries, found)| {
         progress.check()?;
         answer(queries, found);
         progress.advance(queries.len() as u64);
