@@ -30,8 +30,11 @@ TAGS = ("#dbe9f6", "#fde7c9", "#dff0d8", "#f3dcef", "#e8e4f8", "#fbdcd6", "#d9f0
 LINES = ("#1c7ed6", "#d9480f", "#2b8a3e", "#862e9c", "#c2255c", "#5f6b7a", "#e8a200", "#0b7285")
 """Colours of curves, in turn."""
 
-_INKED = 0.08
-"""Width of a line as a share of its length: cells of any size are then inked to the same share, about 3.4 times this."""
+_INKED, _POWER = 0.08, 0.85
+"""Width of a line as a share of its length (to a power just under 1, so that finer parts are a little darker)."""
+
+_SHORTEST = 0.5
+"""Points (1/72 inch); shorter edges are drawn as a grey of their ink."""
 
 _RASTER_FROM = 20_000  # edges from which on a vector file keeps the mesh as an image
 
@@ -173,27 +176,30 @@ def draw_edges(ax: Any, points: NDArray[Any], edges: NDArray[Any], color: str, w
         return
     ends = points[edges]
     length = np.hypot(*(ends[:, 1] - ends[:, 0]).T) * points_per_unit(ax)
-    visible = length > 0.25
+    width = weight * np.minimum(_INKED * length**_POWER, 0.7)
+    visible = length > _SHORTEST
     if not visible.all():
-        _smear(ax, ends[~visible].mean(axis=1), color)
+        _smear(ax, ends[~visible].mean(axis=1), (width * length)[~visible], color)
     lines = matplotlib("collections").LineCollection(
-        ends[visible], colors=color, linewidths=weight * np.clip(_INKED * length[visible], 0.01, 0.7), zorder=1
+        ends[visible],
+        colors=color,
+        linewidths=width[visible],
+        zorder=1,
     )
-    lines.set_capstyle("round")
     lines.set_rasterized(len(edges) > _RASTER_FROM)
     ax.add_collection(lines, autolim=False)
 
 
-def _smear(ax: Any, middles: NDArray[Any], color: str) -> None:
-    """Grey where edges are too short to be seen."""
+def _smear(ax: Any, middles: NDArray[Any], ink: NDArray[Any], color: str) -> None:
+    """Lay the ink of edges too short to be seen on the places where they are, so that the tone goes on evenly."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-    cell = 0.7 / points_per_unit(ax)
+    cell = 1.4 / points_per_unit(ax)
     shape = (max(1, math.ceil((x1 - x0) / cell)), max(1, math.ceil((y1 - y0) / cell)))
-    hit, _, _ = np.histogram2d(*middles.T, bins=shape, range=[[x0, x1], [y0, y1]])
-    image = np.zeros((*hit.T.shape, 4))
+    laid, _, _ = np.histogram2d(*middles.T, bins=shape, range=[[x0, x1], [y0, y1]], weights=ink)
+    image = np.zeros((*laid.T.shape, 4))
     image[...] = matplotlib("colors").to_rgba(color)
-    image[..., 3] = 3.4 * _INKED * (hit.T > 0)
-    ax.imshow(image, extent=(x0, x1, y0, y1), origin="lower", interpolation="nearest", aspect="equal", zorder=1)
+    image[..., 3] = np.minimum(laid.T / 1.4**2, 0.7)
+    ax.imshow(image, extent=(x0, x1, y0, y1), origin="lower", interpolation="bilinear", aspect="equal", zorder=1)
 
 
 def draw_facets(ax: Any, mesh: Mesh, weight: float = 1.0) -> None:
