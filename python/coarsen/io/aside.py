@@ -27,10 +27,11 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def folder_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
+def folder_aside(path: str | os.PathLike[str], owned: tuple[str, ...] = ()) -> Iterator[Path]:
     """Give a new folder beside `path`; when all went well, move what it holds into `path`.
 
-    `path` is made where it is missing. Other files of an old `path` stay; those of the same name are replaced.
+    `path` is made where it is missing. Files of an old `path` of the same names are replaced, those that match a pattern
+    of `owned` removed; others stay.
 
     Raises
     ------
@@ -47,8 +48,12 @@ def folder_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
         if not path.exists():
             os.replace(folder, path)
             return
-        for written in sorted(folder.iterdir()):
-            os.replace(written, path / written.name)
+        names = {written.name for written in folder.iterdir()}
+        for name in sorted(names):
+            os.replace(folder / name, path / name)
+        for old in [old for pattern in owned for old in path.glob(pattern)]:
+            if old.name not in names and old.is_file():
+                old.unlink()
 
 
 @contextmanager

@@ -40,7 +40,14 @@ FAMILIES = (
 )
 
 
-def _family(path: Path, *, write: bool) -> Family:
+def family_of(path: Path, *, write: bool) -> Family:
+    """Return the family that the end of a file's name tells.
+
+    Raises
+    ------
+    MeshError
+        If no format is known by it.
+    """
     name = path.name.lower()
     for family in FAMILIES:
         if name.endswith(family.endings) or name == "fort.14":
@@ -87,7 +94,7 @@ def read_draft(path: str | os.PathLike[str]) -> Draft:
         raise FileNotFoundError(f"'{path}' does not exist")
     if path.is_dir():
         raise IsADirectoryError(f"'{path}' is a folder, expected a mesh file")
-    family = _family(path, write=False)
+    family = family_of(path, write=False)
     try:
         return family.read(path)
     except (MeshError, ImportError, MemoryError):
@@ -133,7 +140,10 @@ def read(path: str | os.PathLike[str], *, split_quads: bool = False, repair: boo
 
 def read_and_tell(path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False) -> tuple[Mesh, str]:
     """Do as :func:`read` does, and tell what a repair did."""
-    draft = read_draft(path)
+    return _judged(read_draft(path), path, split_quads=split_quads, repair=repair)
+
+
+def _judged(draft: Draft, path: str | os.PathLike[str], *, split_quads: bool, repair: bool) -> tuple[Mesh, str]:
     try:
         return draft.mesh(split_quads=split_quads, repair=repair)
     except MeshError as error:
@@ -158,10 +168,33 @@ def write(mesh: Mesh, path: str | os.PathLike[str]) -> None:
     write_draft(drafted(mesh), path)
 
 
+def convert(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    split_quads: bool = False,
+    repair: bool = False,
+) -> tuple[Mesh, str]:
+    """Read one file and write another, with the names of tags where both formats have them.
+
+    Returns
+    -------
+    mesh, told : Mesh, str
+        What was written, and what a repair did.
+    """
+    family_of(Path(target), write=True)
+    draft = read_draft(source)
+    mesh, told = _judged(draft, source, split_quads=split_quads, repair=repair)
+    result = drafted(mesh)
+    result.facet_names, result.cell_names = draft.facet_names, draft.cell_names
+    write_draft(result, target)
+    return mesh, told
+
+
 def write_draft(draft: Draft, path: str | os.PathLike[str]) -> None:
     """Do as :func:`write` does, from a draft."""
     path = Path(path)
-    family = _family(path, write=True)
+    family = family_of(path, write=True)
     if path.is_dir():
         raise IsADirectoryError(f"'{path}' is a folder, expected a file name")
     with aside(path) as place:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +19,11 @@ from ..errors import MeshError
 from ..mesh import Mesh, Topology
 from .aside import aside, folder_aside
 from .draft import drafted
-from .files import _family, readable
+from .files import family_of, read, readable
 from .npz import HIERARCHY_KEY, arrays_of
 
 if TYPE_CHECKING:
-    from ..multilevel import Hierarchy
+    from ..multilevel import Hierarchy, Level
 
 VERSION = 1
 _MESH_ARRAYS = ("cells", "facets", "facet_tags", "cell_tags")
@@ -52,13 +53,13 @@ def write_hierarchy(h: Hierarchy, folder: str | os.PathLike[str], format: str = 
     """
     ending = "." + format.lstrip(".").lower()
     try:
-        family = _family(Path("level" + ending), write=True)
+        family = family_of(Path("level" + ending), write=True)
     except MeshError:
         raise ValueError(f"'format' is {format!r}, expected one of {', '.join(e[1:] for e in readable())}") from None
     folder = Path(folder)
     width = len(str(len(h) - 1))
     names = [f"level_{i:0{width}d}{ending}" for i in range(len(h))]
-    with folder_aside(folder) as place:
+    with folder_aside(folder, (f"level_*{ending}",)) as place:
         for level, name in zip(h, names, strict=True):
             draft = drafted(level.mesh)
             draft.point_data = {
@@ -85,6 +86,29 @@ def _write_series(h: Hierarchy, folder: Path, names: list[str], ending: str) -> 
         (folder / f"levels{ending}.series").write_text(series, encoding="utf-8")
         written.append(f"levels{ending}.series")
     return written
+
+
+def read_levels(folder: str | os.PathLike[str]) -> list[Level]:
+    """Read the levels of a folder that :func:`write_hierarchy` made: meshes, nodes and spacing, to look at.
+
+    Raises
+    ------
+    MeshError
+        If there are none.
+    """
+    from ..multilevel import Level
+
+    folder = Path(folder)
+    files = sorted(file for file in folder.glob("level_*") if file.suffix.lower() in readable())
+    if not files:
+        raise MeshError(f"'{folder}' holds no levels: coarsen build or Hierarchy.write make such a folder")
+    levels = []
+    for file in files:
+        mesh = read(file)
+        fields = dict(mesh.point_data or {})
+        nodes = np.asarray(fields.get("node", np.arange(mesh.n_points)), dtype=np.int64)
+        levels.append(Level(mesh, nodes, float("nan"), np.asarray(fields.get("spacing", np.ones(mesh.n_points)))))
+    return levels
 
 
 def save_hierarchy(h: Hierarchy, path: str | os.PathLike[str], *, operators: bool = False) -> None:
@@ -140,6 +164,15 @@ def save_hierarchy(h: Hierarchy, path: str | os.PathLike[str], *, operators: boo
             allow_pickle=False,
             **{k: v for k, v in arrays.items() if v is not None},
         )
+
+
+def holds_hierarchy(path: str | os.PathLike[str]) -> bool:
+    """Whether the archive was made by :func:`save_hierarchy`."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return HIERARCHY_KEY in getattr(archive, "files", ())
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return False
 
 
 def load_hierarchy(path: str | os.PathLike[str]) -> Hierarchy:
