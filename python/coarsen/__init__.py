@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from .mesh import Mesh
     from .multilevel import Hierarchy, Level, coarsen, hierarchy
     from .options import Options
+    from .page import report
     from .quality import Quality
-    from .report import report
     from .selection import delaunay
 
 # Names are handed on when they are first asked for, so that `import coarsen` costs next to nothing: name -> (module,
@@ -44,7 +44,7 @@ _NAMES: dict[str, tuple[str, str | None]] = {
     "multigrid": ("multigrid", None),
     "plot": ("plot", None),
     "read": ("io", "read"),
-    "report": ("report", "report"),
+    "report": ("page", "report"),
     "selection": ("selection", None),
     "spacing": ("spacing", None),
     "transfer": ("transfer", None),

@@ -45,10 +45,14 @@ def bisected(points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_po
     points, cells
         Old nodes come first, unmoved.
     """
-    while True:
+
+    def excess_of(points: Floats, cells: Ints) -> Floats:
         corners = points[cells]
         legs = corners[:, 1] - corners[:, 0]
-        excess = (legs * legs).sum(axis=1) / size(corners.mean(axis=1)) ** 2
+        return np.asarray((legs * legs).sum(axis=1) / size(corners.mean(axis=1)) ** 2)
+
+    excess = excess_of(points, cells)
+    while True:
         edges, ends = _edges(cells, len(points))
         room = n_points - len(points)
         order = np.argsort(-excess, kind="stable")
@@ -65,7 +69,10 @@ def bisected(points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_po
             if low == 0:
                 return points, cells
             marked = _closed(edges, order[:low], len(ends))
+        stays = ~marked[edges[:, 0]]
         points, cells = _split(points, cells, edges, ends, marked)
+        whole = np.count_nonzero(stays)  # these come first
+        excess = np.concatenate([excess[stays], excess_of(points, cells[whole:])])
 
 
 def _edges(cells: Ints, n_points: int) -> tuple[Ints, Ints]:
@@ -88,7 +95,7 @@ def _closed(edges: Ints, chosen: Ints, n_edges: int) -> Bools:
 
 
 def _split(points: Floats, cells: Ints, edges: Ints, ends: Ints, marked: Bools) -> tuple[Floats, Ints]:
-    """Split every cell with a marked longest edge, and its halves where their longest edges are marked too."""
+    """Split cells with a marked longest edge, and halves whose longest edges are marked too; whole cells come first."""
     middles = np.full(len(ends), -1, dtype=np.int64)
     middles[marked] = len(points) + np.arange(np.count_nonzero(marked))
     points = np.concatenate([points, points[ends[marked]].mean(axis=1)])

@@ -142,7 +142,7 @@ def build(
         read = _read(mesh, split_quads, repair)
         loaded = time.perf_counter()
         with bars() as progress:
-            h = hierarchy(read, progress=progress, **given)
+            h = hierarchy(read, progress=progress or False, **given)
         built = time.perf_counter()
         files = [file.name for file in write_hierarchy(h, folder, format)]
         save_hierarchy(h, folder / ARCHIVE, operators=operators)
@@ -289,7 +289,7 @@ def demo(
         {"beta": 3.0, "gradation": 1.0, "features": "plain", "candidates": "all"} if paper else {}
     )
     with bars() as progress:
-        h = hierarchy(plate, progress=progress, **settings)
+        h = hierarchy(plate, progress=progress or False, **settings)
     seconds = time.perf_counter() - began
     title = f"A plate with a crack, {plate.n_points} nodes, coarsened in {seconds:.2f} s"
     drawn = _have_matplotlib()

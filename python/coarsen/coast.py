@@ -191,12 +191,12 @@ def _boundary(cells: Ints) -> Ints:
     """Edges of one cell only, directed with the cell on their left."""
     edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
     _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
-    return edges[first[count == 1]]
+    return np.asarray(edges[first[count == 1]])
 
 
 def _components(n: int, edges: Ints) -> Ints:
     """Return the lowest node number of each node's connected part."""
-    label = np.arange(n)
+    label: Ints = np.arange(n)
     while True:
         low = np.minimum(label[edges[:, 0]], label[edges[:, 1]])
         new = label.copy()

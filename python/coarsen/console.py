@@ -5,13 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from .progress import progress_bar
 from .tables import headings, rows
 
 if TYPE_CHECKING:
@@ -64,29 +64,10 @@ def show(table: Table) -> None:
 
 
 @contextmanager
-def bars() -> Iterator[Callable[[str, int, int], None]]:
-    """Give a function (stage, done, total) that draws a bar a stage on a terminal, and nothing in a pipe."""
+def bars() -> Iterator[Callable[[str, int, int], None] | None]:
+    """Give a function that draws a bar a stage on a terminal, and None in a pipe."""
     if not sys.stderr.isatty():
-        yield lambda stage, done, total: None
+        yield None
         return
-    progress = Progress(
-        SpinnerColumn(finished_text="[green]✓"),
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=36),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-    )
-    tasks: dict[str, Any] = {}
-
-    def step(stage: str, done: int, total: int) -> None:
-        if stage not in tasks:
-            for task in tasks.values():  # stages follow each other
-                progress.update(task, completed=progress.tasks[task].total)
-            tasks[stage] = progress.add_task(stage, total=max(total, 1))
-        progress.update(tasks[stage], completed=done, total=max(total, 1))
-
-    with progress:
+    with progress_bar() as step:
         yield step
-        for task in tasks.values():
-            progress.update(task, completed=progress.tasks[task].total)

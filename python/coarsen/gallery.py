@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def crack_plate(n: int = 5120, *, exponent: float = 0.75) -> Mesh:
         About as many nodes, at least 12.
     exponent : float
         Edges at a distance r from the tip are about as long as r to this power. 0.75 spreads the interpolation error of
-        the crack's solution, of the order r^(1/2), evenly, and is what the paper's mesh measures; up to 1.
+        the crack's solution, of the order r^(1/2), evenly, and is what the paper's mesh measures; in [0, 0.9].
 
     Examples
     --------
@@ -130,12 +131,7 @@ def graded_square(n: int = 10_000, ratio: float = 1e4) -> Mesh:
     _at_least(n, max(16, int(16 * math.log2(ratio))))
     inner = 1.0 / ratio
     while True:
-        made = bisected(
-            points,
-            cells,
-            lambda x, least=inner: np.maximum(np.hypot(*(x - centre).T), least),
-            n,
-        )  # type: ignore[misc]
+        made = bisected(points, cells, partial(_distance_at_least, centre=centre, least=inner), n)
         corners = made[0][made[1]]
         lengths = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), -1, 0))
         if lengths.max() >= ratio * lengths.min():
@@ -280,9 +276,13 @@ def _at_least(n: int, least: int) -> int:
     return int(n)
 
 
+def _distance_at_least(x: Floats, centre: Floats, least: float) -> Floats:
+    return np.asarray(np.maximum(np.hypot(*(x - centre).T), least))
+
+
 def _distance_power(centre: Floats, exponent: float) -> Callable[[Floats], Floats]:
-    if not 0 <= exponent <= 1:
-        raise ValueError(f"'exponent' is {exponent}, expected 0 <= exponent <= 1")
+    if not 0 <= exponent <= 0.9:
+        raise ValueError(f"'exponent' is {exponent}, expected 0 <= exponent <= 0.9")
     return lambda x: np.asarray(np.hypot(*(x - centre).T) ** exponent)
 
 

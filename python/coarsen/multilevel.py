@@ -176,7 +176,7 @@ class Hierarchy(Sequence[Level]):
 
     def summary(self) -> str:
         """Return a table of the levels as text."""
-        from coarsen.report import summary
+        from coarsen.tables import summary
 
         return summary(self)
 
@@ -373,7 +373,7 @@ def watched(progress: bool | Callable[[str, int, int], None]) -> Iterator[Callab
     elif not progress:
         yield None
     else:
-        from coarsen.report import progress_bar
+        from coarsen.progress import progress_bar
 
         with progress_bar() as bar:
             yield bar

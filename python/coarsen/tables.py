@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from .check import similarity
+
 if TYPE_CHECKING:
     from .multilevel import Hierarchy
 
@@ -45,13 +47,13 @@ class Row:
 
 def rows(h: Hierarchy) -> list[Row]:
     """Return one row a level, finest first."""
-    similarities = [None, *h.check().similarities]
     found = []
-    for i, (level, similarity) in enumerate(zip(h, similarities, strict=True)):
+    for i, level in enumerate(h):
         quality = level.quality
-        flat = level.mesh.dim > 1
-        angles = (float(quality.min_angle), float(quality.max_angle)) if flat else (None, None)
-        found.append(Row(i, float(level.factor), level.mesh.n_points, level.mesh.n_cells, *angles, similarity))
+        smallest, largest = (float(quality.min_angle), float(quality.max_angle)) if level.mesh.dim > 1 else (None, None)
+        like = similarity(h[i - 1], level, h.options.backend) if i else None
+        size = level.mesh.n_points, level.mesh.n_cells
+        found.append(Row(i, float(level.factor), *size, smallest, largest, like))
     return found
 
 

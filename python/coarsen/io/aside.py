@@ -30,8 +30,8 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
 def folder_aside(path: str | os.PathLike[str], owned: tuple[str, ...] = ()) -> Iterator[Path]:
     """Give a new folder beside `path`; when all went well, move what it holds into `path`.
 
-    `path` is made where it is missing. Files of an old `path` of the same names are replaced, those that match a pattern
-    of `owned` removed; others stay.
+    `path` is made where it is missing. Files of an old `path` of the same names are replaced, those that match a
+    pattern of `owned` removed; others stay.
 
     Raises
     ------

@@ -150,7 +150,9 @@ def _judged(draft: Draft, path: str | os.PathLike[str], *, split_quads: bool, re
         text = str(error)
         if not repair and not any(offer in text for offer in ("--repair", "--split-quads", "coarsen takes")):
             text += " [read(path, repair=True) or --repair mends orphans, doubles and empty cells]"
-        raise MeshError(f"'{Path(path).name}': {text}") from None
+        named = MeshError(f"'{Path(path).name}': {text}")
+        named.__dict__.update(error.__dict__)  # rule, array, index
+        raise named from None
 
 
 def write(mesh: Mesh, path: str | os.PathLike[str]) -> None:

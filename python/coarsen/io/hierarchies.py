@@ -210,7 +210,7 @@ def _assembled(arrays: dict[str, Any]) -> Hierarchy:
         _check_range(f"{i}:nodes", nodes, len(points))
         cells = arrays[f"{i}:cells"]
         _check_range(f"{i}:cells", cells, len(nodes))
-        parts = {
+        parts: dict[str, Any] = {
             field.name: arrays.get(f"{i}:topology:{field.name}")
             for field in dataclasses.fields(Topology)
             if field.name != "n_boundary"

@@ -83,7 +83,7 @@ def write_selafin(draft: Draft, path: Path) -> None:
     boundary = np.zeros(n, dtype=np.int64)
     rim = _boundary_nodes(cells)
     boundary[rim] = np.arange(1, len(rim) + 1)
-    chunks = [
+    chunks: list[Any] = [
         f"{'written by coarsen':<72}SERAFIND".encode("ascii"),
         np.array([len(names), 0], ">i4"),
         *names,

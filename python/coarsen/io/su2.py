@@ -99,7 +99,7 @@ def _tag_of(name: str, names: dict[str, int]) -> int:
 
 
 def _rows(lines: list[str], at: int, count: int, key: str, path: Path) -> tuple[list[list[str]], int]:
-    rows = []
+    rows: list[list[str]] = []
     while len(rows) < count:
         if at >= len(lines) or "=" in lines[at]:
             raise MeshError(f"'{path.name}': {key} announces {count} rows, {len(rows)} follow")

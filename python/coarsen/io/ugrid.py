@@ -97,7 +97,7 @@ def _connectivity(variable: Any, n_points: int, rows: str = "") -> Any:
     return np.where(np.isfinite(values), values - start, _MISSING).astype(np.int64)
 
 
-def _blocks(faces: Any) -> list[tuple[str, Any, None]]:
+def _blocks(faces: Any) -> list[tuple[str, Any, Any]]:
     counts = (faces != _MISSING).sum(axis=1)
     kinds = {3: "triangle", 4: "quad"}
     return [

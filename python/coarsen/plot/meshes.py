@@ -136,7 +136,7 @@ def _near_mask(points: NDArray[Any], cells: NDArray[Any], window: tuple[float, f
 
 def near(points: NDArray[Any], cells: NDArray[Any], window: tuple[float, float, float]) -> NDArray[Any]:
     """Return the cells whose boxes reach into the window."""
-    return cells[_near_mask(points, cells, window)]
+    return np.asarray(cells[_near_mask(points, cells, window)])
 
 
 def unique_edges(cells: NDArray[Any]) -> NDArray[Any]:
@@ -145,7 +145,7 @@ def unique_edges(cells: NDArray[Any]) -> NDArray[Any]:
     if len(edges) == 0:
         return edges
     keys = np.unique(edges[:, 0] * (edges.max() + 1) + edges[:, 1])
-    return np.column_stack(np.divmod(keys, edges.max() + 1))
+    return np.asarray(np.column_stack(np.divmod(keys, edges.max() + 1)))
 
 
 def points_per_unit(ax: Any) -> float:
@@ -195,7 +195,9 @@ def _smear(ax: Any, middles: NDArray[Any], ink: NDArray[Any], color: str) -> Non
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     cell = 1.4 / points_per_unit(ax)
     shape = (max(1, math.ceil((x1 - x0) / cell)), max(1, math.ceil((y1 - y0) / cell)))
-    laid, _, _ = np.histogram2d(*middles.T, bins=shape, range=[[x0, x1], [y0, y1]], weights=ink)
+    laid, _, _ = np.histogram2d(
+        middles[:, 0], middles[:, 1], bins=shape, range=np.array([[x0, x1], [y0, y1]]), weights=ink
+    )
     image = np.zeros((*laid.T.shape, 4))
     image[...] = matplotlib("colors").to_rgba(color)
     image[..., 3] = np.minimum(laid.T / 1.4**2, 0.7)
