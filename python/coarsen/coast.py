@@ -21,7 +21,7 @@ from .mesh import Mesh
 OPEN, MAINLAND, ISLAND = -1, 20, 21
 """Facet tags of :func:`coast`, ADCIRC's own, so that a ``fort.14`` of it is one."""
 
-_WAVES = 60
+_WAVES = 40
 _SNAP = 0.3  # share of an edge under which its node is moved onto the zero line
 _RADIUS = 0.47  # of the sea's arc, about the middle of the unit square
 
@@ -51,12 +51,14 @@ def coast(n: int = 10_000, *, seed: int = 1997, extent: float = 100e3) -> Mesh:
     field = _Field(seed, finest=np.sqrt(1.2 / n))
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]], dtype=float)
     quarters = np.array([[4, 0, 1], [4, 1, 2], [4, 2, 3], [4, 3, 0]])
-    asked = int(1.5 * n)
-    for _ in range(3):  # land takes a share of the nodes that only the cut tells
-        points, cells = _cut_along_zero(*bisected(corners, quarters, field.size, asked), field)
-        if abs(len(points) - n) <= 0.05 * n:
+    asked, wish = 1.5, min(n, 4000)
+    for _ in range(4):  # land takes a share of the nodes that only a cut tells; a coarse one tells it nearly
+        points, cells = _cut_along_zero(*bisected(corners, quarters, field.size, int(asked * wish)), field)
+        close = abs(len(points) - wish) <= 0.05 * wish
+        asked *= wish / len(points)
+        if wish == n and close:
             break
-        asked = int(asked * n / len(points))
+        wish = n
     facets = _boundary(cells)
     at_sea = np.abs(np.hypot(*(points - 0.5).T) - _RADIUS) < 2e-3
     open_ = at_sea[facets].all(axis=1)
@@ -182,15 +184,21 @@ def _lowest(best: Floats, both: Ints) -> Bools:
     return lowest
 
 
+def _edge_keys(cells: Ints) -> tuple[Ints, Ints]:
+    """Return the edges of the cells, directed, (3m, 2), and a number for each that both its directions share."""
+    edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    return edges, edges.min(axis=1) * (cells.max() + 1) + edges.max(axis=1)
+
+
 def _unique_edges(cells: Ints) -> Ints:
-    edges = np.sort(np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1)
-    return np.unique(edges, axis=0)
+    edges, keys = _edge_keys(cells)
+    return np.asarray(edges[np.unique(keys, return_index=True)[1]])
 
 
 def _boundary(cells: Ints) -> Ints:
     """Edges of one cell only, directed with the cell on their left."""
-    edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
-    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    edges, keys = _edge_keys(cells)
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
     return np.asarray(edges[first[count == 1]])
 
 
@@ -211,9 +219,9 @@ def _components(n: int, edges: Ints) -> Ints:
 
 def _largest_part(points: Floats, cells: Ints) -> tuple[Floats, Ints]:
     """Cells of the largest part joined edge to edge, nodes without cells dropped."""
-    edges = np.sort(np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1)
-    order = np.lexsort(edges.T)
-    same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
+    keys = _edge_keys(cells)[1]
+    order = np.argsort(keys)
+    same = keys[order[1:]] == keys[order[:-1]]
     owner = order % len(cells)
     part = _components(len(cells), np.column_stack([owner[:-1][same], owner[1:][same]]))
     cells = cells[part == np.bincount(part).argmax()]
