@@ -52,27 +52,39 @@ def bisected(points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_po
         return np.asarray((legs * legs).sum(axis=1) / size(corners.mean(axis=1)) ** 2)
 
     excess = excess_of(points, cells)
+    place = np.unique(points, axis=0, return_inverse=True)[1].ravel()  # nodes of a slit share theirs
     while True:
         edges, ends = _edges(cells, len(points))
+        pair, n_pairs = _pairs(place, ends)
+        sides = pair[edges]
         room = n_points - len(points)
         order = np.argsort(-excess, kind="stable")
         wanted = int(np.count_nonzero(excess > excess.max() / 2))
-        marked = _closed(edges, order[:wanted], len(ends))
+        marked = _closed(sides, order[:wanted], n_pairs)[pair]
         if marked.sum() > room:  # the last rounds: the longest prefix of `order` that still fits
             low, high = 0, wanted
             while high - low > 1:
                 middle = (low + high) // 2
-                if _closed(edges, order[:middle], len(ends)).sum() <= room:
+                if _closed(sides, order[:middle], n_pairs)[pair].sum() <= room:
                     low = middle
                 else:
                     high = middle
             if low == 0:
                 return points, cells
-            marked = _closed(edges, order[:low], len(ends))
+            marked = _closed(sides, order[:low], n_pairs)[pair]
         stays = ~marked[edges[:, 0]]
         points, cells = _split(points, cells, edges, ends, marked)
+        place = np.concatenate([place, place.max() + 1 + pair[marked]])
         whole = np.count_nonzero(stays)  # these come first
         excess = np.concatenate([excess[stays], excess_of(points, cells[whole:])])
+
+
+def _pairs(place: Ints, ends: Ints) -> tuple[Ints, int]:
+    """Number the edges so that the two banks of a slit share a number; they are marked together."""
+    ends = place[ends]
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    unique, inverse = np.unique(low * (place.max() + 1) + high, return_inverse=True)
+    return inverse.ravel(), len(unique)
 
 
 def _edges(cells: Ints, n_points: int) -> tuple[Ints, Ints]:

@@ -101,7 +101,8 @@ class Draft:
                 f"{_counts(curved)} have nodes on their edges; coarsen takes straight triangles: "
                 "read(path, repair=True) or --repair keeps their corners"
             )
-        return [(kind.rstrip("0123456789"), cells[:, : _HIGHER_ORDER.get(kind)], tags) for kind, cells, tags in blocks]
+        straight = {kind: kind.rstrip("0123456789") for kind in _HIGHER_ORDER}
+        return [(straight.get(kind, kind), cells[:, : _HIGHER_ORDER.get(kind)], tags) for kind, cells, tags in blocks]
 
 
 def _counts(kinds: dict[str, int]) -> str:

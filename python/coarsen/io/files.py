@@ -148,8 +148,8 @@ def _judged(draft: Draft, path: str | os.PathLike[str], *, split_quads: bool, re
         return draft.mesh(split_quads=split_quads, repair=repair)
     except MeshError as error:
         text = str(error)
-        if not repair and not any(offer in text for offer in ("--repair", "--split-quads", "coarsen takes")):
-            text += " [read(path, repair=True) or --repair mends orphans, doubles and empty cells]"
+        if not repair and "Mesh.repaired" in text:
+            text += ": read(path, repair=True) or --repair"
         named = MeshError(f"'{Path(path).name}': {text}")
         named.__dict__.update(error.__dict__)  # rule, array, index
         raise named from None

@@ -169,7 +169,7 @@ def save_hierarchy(h: Hierarchy, path: str | os.PathLike[str], *, operators: boo
 def holds_hierarchy(path: str | os.PathLike[str]) -> bool:
     """Whether the archive was made by :func:`save_hierarchy`."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
             return HIERARCHY_KEY in getattr(archive, "files", ())
     except (OSError, ValueError, zipfile.BadZipFile):
         return False

@@ -42,7 +42,7 @@ _NOT_NODAL = {"weir_pairs"}
 def arrays_of(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """All arrays of an archive, without pickled objects."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise MeshError(f"'{path.name}': not an archive of named arrays")
             return {name: archive[name] for name in archive.files}

@@ -145,7 +145,9 @@ def _read_fvcom(file: Any, path: Path) -> Draft:
     if not np.any(variables[pair[0]][:]) and "lon" in variables:  # FVCOM leaves x and y zero in geographic runs
         pair = ("lon", "lat")
     x, y = (np.asarray(variables[name][:], dtype=np.float64) for name in pair)
-    draft = Draft(np.column_stack([x, y]), _blocks(_connectivity(variables["nv"], len(x))))
+    cells = variables["nv"]
+    rows = cells.dimensions[1] if cells.shape[0] == 3 else ""  # FVCOM's own order is (three, nele)
+    draft = Draft(np.column_stack([x, y]), _blocks(_connectivity(cells, len(x), rows)))
     _fields(draft, file, variables[pair[0]].dimensions[0], {"x", "y", "lon", "lat", "nv"})
     if "h" in draft.point_data:
         draft.point_data["depth"] = draft.point_data.pop("h")
