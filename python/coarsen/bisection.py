@@ -80,7 +80,7 @@ def bisected(points: Floats, cells: Ints, size: Callable[[Floats], Floats], n_po
 
 
 def _pairs(place: Ints, ends: Ints) -> tuple[Ints, int]:
-    """Number the edges so that the two banks of a slit share a number; they are marked together."""
+    """Return a number for every edge, one for both banks of a slit: these are marked together."""
     ends = place[ends]
     low, high = ends.min(axis=1), ends.max(axis=1)
     unique, inverse = np.unique(low * (place.max() + 1) + high, return_inverse=True)

@@ -52,7 +52,8 @@ app = typer.Typer(
 
 
 def _help(name: str) -> str:
-    return str(next(field.metadata["help"] for field in dataclasses.fields(Options) if field.name == name))
+    text = str(next(field.metadata["help"] for field in dataclasses.fields(Options) if field.name == name))
+    return text[0].upper() + text[1:] + "."
 
 
 def _default(name: str) -> Any:
@@ -126,7 +127,10 @@ def build(
     repair: Repair = False,
     json_: Json = False,
 ) -> None:
-    """Build a hierarchy of coarser meshes from a file, one file a level, and a series that ParaView opens."""
+    """Build coarser and coarser meshes from a file.
+
+    The folder gets one file a level, a series that ParaView opens, and the whole hierarchy in one archive.
+    """
     names = [field.name for field in dataclasses.fields(Options)]
     given = {name: value for name, value in locals().items() if name in names}
     Options.from_kwargs(**given)  # before anything is read
@@ -170,7 +174,10 @@ def info(
     repair: Repair = False,
     json_: Json = False,
 ) -> None:
-    """Say what a mesh is: counts, angles, edges, area, boundaries, tags and fields; or the levels of a hierarchy."""
+    """Say what a mesh or a hierarchy is.
+
+    Of a mesh: counts, angles, edges, area, boundary, tags and fields. Of a hierarchy: the table of its levels.
+    """
     h = _hierarchy_at(mesh)
     if h is not None:
         _print_json({"mesh": str(mesh), **_as_json(h)}) if json_ else show(levels_table(h, str(mesh)))
@@ -235,12 +242,14 @@ def plot(
                 raise ValueError(f"'level' is {level}, expected 0 to {len(h) - 1}")
             over = h[level - 1].mesh if level else None
             _save_picture(lambda: plot_level(h[level], over=over, window=window).figure, output)
+            say(f"picture: {output}")
             return
         draw = {"levels": lambda: _levels_picture(h, window), "angles": lambda: plot_angles(h)}
         _save_picture(draw.get(kind, lambda: plot_quality(h)), output)
-        return
-    drawn = _read(mesh, split_quads, repair)
-    _save_picture(lambda: plot_mesh(drawn, window=window).figure, output)
+    else:
+        drawn = _read(mesh, split_quads, repair)
+        _save_picture(lambda: plot_mesh(drawn, window=window).figure, output)
+    say(f"picture: {output}")
 
 
 def _window(zoom: str | None) -> tuple[float, float, float] | None:
@@ -262,7 +271,10 @@ def convert(
     split_quads: SplitQuads = False,
     repair: Repair = False,
 ) -> None:
-    """Read a mesh in one format and write it in another, with tags, boundaries and nodal fields."""
+    """Write a mesh in another format.
+
+    Tags, boundaries and nodal fields go along where the format has them, and so do the names of tags.
+    """
     from .io.files import convert as convert_file
 
     read, told = convert_file(mesh, output, split_quads=split_quads, repair=repair)
@@ -280,7 +292,10 @@ def demo(
     paper: Annotated[bool, typer.Option("--paper", help="The paper's settings: β 3, gradation 1, plain, all.")] = False,
     json_: Json = False,
 ) -> None:
-    """Build a crack plate as the paper's, coarsen it, print a table like Table 1, draw the levels like Figure 5."""
+    """Coarsen a plate with a crack, the paper's example.
+
+    Prints a table like the paper's Table 1 and draws the levels as in its Figure 5.
+    """
     from .gallery import crack_plate
 
     plate = crack_plate(nodes)

@@ -25,7 +25,7 @@ def progress_bar() -> Iterator[Step]:
         rich.SpinnerColumn(finished_text="[green]✓"),
         rich.TextColumn("{task.description}"),
         rich.BarColumn(bar_width=_WIDTH),
-        rich.MofNCompleteColumn(),
+        rich.TaskProgressColumn(),
         rich.TimeElapsedColumn(),
         console=console,
     )

@@ -51,7 +51,7 @@ def rows(h: Hierarchy) -> list[Row]:
     for i, level in enumerate(h):
         quality = level.quality
         smallest, largest = (float(quality.min_angle), float(quality.max_angle)) if level.mesh.dim > 1 else (None, None)
-        like = similarity(h[i - 1], level, h.options.backend) if i else None
+        like = similarity(h[i - 1], level) if i else None
         size = level.mesh.n_points, level.mesh.n_cells
         found.append(Row(i, float(level.factor), *size, smallest, largest, like))
     return found

@@ -20,7 +20,7 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the folder of `path` does not exist.
     """
     path = Path(path)
-    with _beside(path) as folder:
+    with _within(path.parent) as folder:
         yield folder / path.name
         for written in sorted(folder.iterdir()):  # a format may write more than one file
             os.replace(written, path.parent / written.name)
@@ -28,7 +28,7 @@ def aside(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def folder_aside(path: str | os.PathLike[str], owned: tuple[str, ...] = ()) -> Iterator[Path]:
-    """Give a new folder beside `path`; when all went well, move what it holds into `path`.
+    """Give a new folder beside or in `path`; when all went well, move what it holds into `path`.
 
     `path` is made where it is missing. Files of an old `path` of the same names are replaced, those that match a
     pattern of `owned` removed; others stay.
@@ -41,8 +41,8 @@ def folder_aside(path: str | os.PathLike[str], owned: tuple[str, ...] = ()) -> I
     path = Path(path)
     if path.exists() and not path.is_dir():
         raise NotADirectoryError(f"'{path}' is a file, expected a folder")
-    with _beside(path) as holder:
-        folder = holder / path.name
+    with _within(path if path.is_dir() else path.parent) as holder:
+        folder = holder / "made"
         folder.mkdir()
         yield folder
         if not path.exists():
@@ -57,8 +57,7 @@ def folder_aside(path: str | os.PathLike[str], owned: tuple[str, ...] = ()) -> I
 
 
 @contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    parent = path.parent
+def _within(parent: Path) -> Iterator[Path]:
     if not parent.is_dir():
         raise FileNotFoundError(f"the folder '{parent}' does not exist")
     folder = Path(tempfile.mkdtemp(prefix=".coarsen-", dir=parent))
