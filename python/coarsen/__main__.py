@@ -29,8 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (KeyboardInterrupt, typer.Abort):
-        complain("interrupted; nothing was written")
-        return INTERRUPTED
+        status = INTERRUPTED
     except (ValueError, OSError, ImportError, MemoryError) as error:
         complain(str(error) or type(error).__name__)
         return BAD_INPUT
@@ -40,6 +39,8 @@ def main(arguments: list[str] | None = None) -> int:
         text = error.format_message()
         complain(f"{text.rstrip('.')}; coarsen --help says more" if text else "no command; coarsen --help lists them")
         return BAD_INPUT
+    if status == INTERRUPTED:  # some versions of typer return it, others raise
+        complain("interrupted; nothing was written")
     return status if isinstance(status, int) else 0
 
 

@@ -186,17 +186,17 @@ class Hierarchy(Sequence[Level]):
 
         return plot_hierarchy(self, **options)
 
-    def write(self, folder: str | Path, format: str = "vtu") -> None:
+    def write(self, folder: str | Path, format: str = "vtu") -> list[Path]:
         """Write one file a level, and a series that ParaView opens; see `coarsen.io.write_hierarchy`."""
         from coarsen.io import write_hierarchy
 
-        write_hierarchy(self, folder, format)
+        return write_hierarchy(self, folder, format)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, operators: bool = False) -> None:
         """Write the whole hierarchy to one ``.npz`` file, to be read by `coarsen.load` bit for bit."""
         from coarsen.io import save_hierarchy
 
-        save_hierarchy(self, path)
+        save_hierarchy(self, path, operators=operators)
 
 
 def coarsen(mesh: Mesh, factor: float = 2.0, **options: Any) -> Level:
