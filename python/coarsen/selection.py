@@ -13,13 +13,9 @@ import numpy.typing as npt
 
 from coarsen.arguments import IntArray, index_array, number, points_array, rank_array, spacing_array, thread_count
 from coarsen.backend import backend as chosen
-<<<<<<< HEAD
 from coarsen.triangulation import delaunay
 
 __all__ = ["HasCells", "conflict_graph", "delaunay", "independent_set", "skeleton_independent_set"]
-=======
-from coarsen.triangulation import delaunay as delaunay  # the package hands it on from here
->>>>>>> 6979034 (Face: selection untouched)
 
 
 class HasCells(Protocol):
