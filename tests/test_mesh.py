@@ -264,7 +264,7 @@ def test_quality_measures_a_right_triangle():
     assert (quality.min_edge, quality.max_edge, quality.area) == (3, 5, 6)
     assert quality.min_angle == pytest.approx(np.degrees(np.arctan(3 / 4)))
     assert quality.max_angle == pytest.approx(90)
-    assert quality.angles[50] == pytest.approx(np.degrees(np.arctan(4 / 3)))
+    assert quality.angles[50] == pytest.approx(np.degrees(np.arctan(4 / 3)), abs=1 / 500)
     assert "36.87 to 90.00 degrees" in str(quality)
 
 
@@ -277,7 +277,7 @@ def test_quality_agrees_with_numpy_on_a_graded_mesh():
     assert quality.max_angle == pytest.approx(angles.max())
     assert quality.area == pytest.approx(cell_areas(mesh).sum()) == pytest.approx(1.0)
     for percentile, value in quality.angles.items():
-        assert value == pytest.approx(np.percentile(angles, percentile, method="nearest"), rel=1e-6)
+        assert value == pytest.approx(np.percentile(angles, percentile, method="nearest"), abs=1 / 500)
 
 
 def test_el_is_the_longest_edge_around_a_node():

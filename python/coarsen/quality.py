@@ -35,7 +35,8 @@ class Quality:
     min_angle, max_angle : float
         The smallest angle (the aspect ratio of Definition 2.2) and the largest, in degrees; NaN on a line.
     angles : dict of int to float
-        Percentiles of all angles of all cells, in degrees: ``angles[50]`` is the median. Empty on a line.
+        Percentiles of all angles of all cells, in degrees, right to 0.002: ``angles[50]`` is the median. Empty on a
+        line.
     min_edge, max_edge : float
         The shortest and the longest edge.
     area : float

@@ -118,7 +118,11 @@ pub fn oriented<I: Index>(points: &[Point<2>], cells: &[[I; 3]]) -> Result<(Vec<
                 let [a, b, c] = nodes;
                 out[k] = nodes;
                 for node in nodes {
-                    used[node as usize].store(true, Ordering::Relaxed);
+                    // threads write to the same lines of memory: only once each
+                    let used = &used[node as usize];
+                    if !used.load(Ordering::Relaxed) {
+                        used.store(true, Ordering::Relaxed);
+                    }
                 }
                 if a == b || b == c || c == a {
                     repeated.note(index);

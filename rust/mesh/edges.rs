@@ -18,9 +18,13 @@ use crate::error::Broken;
 use crate::point::{NONE, Point, distance, orient};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, Ordering};
 
+/// Nodes that are dealt with together; their sides should fit a cache.
 const BLOCK: usize = 1 << 13;
+
+/// Cells that one thread sorts at a time.
+const CHUNK: usize = 1 << 16;
 
 /// Facets that the user gave.
 pub struct Given<'a> {
@@ -75,8 +79,8 @@ impl<'a> Given<'a> {
 struct Half(u64);
 
 impl Half {
-    fn bits(other: u32, down: bool, cell: u32) -> u64 {
-        u64::from(other) << 32 | u64::from(down) << 31 | u64::from(cell)
+    fn new(other: u32, down: bool, cell: u32) -> Half {
+        Half(u64::from(other) << 32 | u64::from(down) << 31 | u64::from(cell))
     }
 
     fn other(self) -> u32 {
@@ -96,28 +100,53 @@ fn sides([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]]
 }
 
-/// All sides, bucket by bucket, with the start of each bucket.
-fn buckets(n: usize, cells: &[[u32; 3]]) -> (Vec<u32>, Vec<Half>) {
-    let end: Vec<AtomicU32> = (0..n + 1).map(|_| AtomicU32::new(0)).collect();
-    cells.par_iter().with_min_len(BLOCK).for_each(|&cell| {
-        for [tail, head] in sides(cell) {
-            end[tail.min(head) as usize].fetch_add(1, Ordering::Relaxed);
-        }
-    });
+/// All sides, those of each [`BLOCK`] of nodes together, in the order of the cells.
+struct Sides {
+    halves: Vec<AtomicU64>,
+    /// Smaller node of each, counted from the first of its block.
+    node: Vec<AtomicU16>,
+    /// Where each block ends.
+    end: Vec<usize>,
+}
+
+/// Sorts sides into blocks. Every chunk of cells knows where its sides of each block go, so that chunks need not wait for each
+/// other and all memory is written in runs, whatever the order of the nodes.
+fn gather(n: usize, cells: &[[u32; 3]]) -> Sides {
+    let block = |[tail, head]: [u32; 2]| tail.min(head) as usize / BLOCK;
+    let blocks = n.div_ceil(BLOCK);
+    let mut place: Vec<Vec<usize>> = cells
+        .par_chunks(CHUNK)
+        .map(|cells| {
+            let mut count = vec![0; blocks];
+            for side in cells.iter().copied().flat_map(sides) {
+                count[block(side)] += 1;
+            }
+            count
+        })
+        .collect();
+    let mut end = Vec::with_capacity(blocks);
     let mut sum = 0;
-    for count in &end {
-        sum += count.swap(sum, Ordering::Relaxed);
+    for k in 0..blocks {
+        for count in &mut place {
+            sum += std::mem::replace(&mut count[k], sum);
+        }
+        end.push(sum);
     }
-    let slots: Vec<AtomicU64> = (0..3 * cells.len()).map(|_| AtomicU64::new(0)).collect();
-    cells.par_iter().with_min_len(BLOCK).enumerate().for_each(|(cell, &nodes)| {
-        for [tail, head] in sides(nodes) {
-            let slot = end[tail.min(head) as usize].fetch_add(1, Ordering::Relaxed);
-            slots[slot as usize].store(Half::bits(tail.max(head), tail > head, cell as u32), Ordering::Relaxed);
+    let halves: Vec<AtomicU64> = (0..sum).into_par_iter().map(|_| AtomicU64::new(0)).collect();
+    let node: Vec<AtomicU16> = (0..sum).into_par_iter().map(|_| AtomicU16::new(0)).collect();
+    cells.par_chunks(CHUNK).zip(&mut place).enumerate().for_each(|(chunk, (cells, place))| {
+        for (k, &nodes) in cells.iter().enumerate() {
+            for [tail, head] in sides(nodes) {
+                let half = Half::new(tail.max(head), tail > head, (chunk * CHUNK + k) as u32);
+                let slot = &mut place[block([tail, head])];
+                // plain stores: every slot has one writer
+                halves[*slot].store(half.0, Ordering::Relaxed);
+                node[*slot].store((tail.min(head) as usize % BLOCK) as u16, Ordering::Relaxed);
+                *slot += 1;
+            }
         }
     });
-    // filling moved every start to the end of its bucket, which is the start of the next
-    let end = end.into_iter().map(AtomicU32::into_inner).collect();
-    (end, slots.into_iter().map(|slot| Half(slot.into_inner())).collect())
+    Sides { halves, node, end }
 }
 
 #[derive(Default)]
@@ -137,30 +166,40 @@ pub fn facets(
     given: Option<&Given<'_>>,
     tags: Option<&[i64]>,
 ) -> Result<(Vec<Facet<2>>, Vec<Facet<2>>), Broken> {
-    let n = points.len();
-    let (end, mut halves) = buckets(n, cells);
-    let mut pieces = Vec::with_capacity(n / BLOCK + 1);
-    let mut rest: &mut [Half] = &mut halves;
-    let mut taken = 0;
-    for first in (0..n).step_by(BLOCK) {
-        let last = end[(first + BLOCK).min(n) - 1] as usize;
-        let (piece, after) = rest.split_at_mut(last - taken);
-        pieces.push((first, taken, piece));
-        (rest, taken) = (after, last);
-    }
-    let blocks: Vec<Block> = pieces
+    let all = gather(points.len(), cells);
+    let blocks: Vec<Block> = (0..all.end.len())
         .into_par_iter()
-        .map(|(first, offset, piece)| {
+        .map_init(Vec::new, |sorted, k| {
+            let range = if k == 0 { 0 } else { all.end[k - 1] }..all.end[k];
+            let node = |slot: usize| all.node[slot].load(Ordering::Relaxed) as usize;
+            // sort by node, by counting
+            let mut end = vec![0u32; BLOCK];
+            for slot in range.clone() {
+                end[node(slot)] += 1;
+            }
+            let mut sum = 0;
+            for count in &mut end {
+                sum += std::mem::replace(count, sum);
+            }
+            sorted.clear();
+            sorted.resize(range.len(), Half(0));
+            for slot in range {
+                let at = &mut end[node(slot)];
+                sorted[*at as usize] = Half(all.halves[slot].load(Ordering::Relaxed));
+                *at += 1;
+            }
             let mut block = Block::default();
-            for node in first..(first + BLOCK).min(n) {
-                let from = if node == 0 { 0 } else { end[node - 1] as usize };
-                let bucket = &mut piece[from - offset..end[node] as usize - offset];
+            let mut from = 0;
+            for (j, &to) in end.iter().enumerate() {
+                let bucket = &mut sorted[from..to as usize];
                 bucket.sort_unstable();
-                block.pair(node as u32, bucket, given, tags);
+                block.pair((k * BLOCK + j) as u32, bucket, given, tags);
+                from = to as usize;
             }
             block
         })
         .collect();
+    drop(all);
     let count: usize = blocks.iter().map(|block| block.count).sum();
     if let Some([a, b]) = blocks.iter().find_map(|block| block.wrong) {
         return Err(diagnose(points, cells, flip, [a, b], count - 1));
