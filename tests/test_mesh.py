@@ -256,6 +256,9 @@ def test_the_result_does_not_depend_on_threads():
     one, two = (Mesh(mesh.points, mesh.cells, cell_tags=tags, threads=k).topology for k in (1, 3))
     for name in ("facets", "facet_cells", "facet_given", "flip"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
+    for bad in (0, -1, 1.5):
+        with pytest.raises(ValueError, match="'threads' is"):
+            Mesh(mesh.points, mesh.cells, threads=bad)
 
 
 def test_quality_measures_a_right_triangle():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .arguments import thread_count
 from .arrays import FloatArray, IndexArray, fields_of, index_rows, points_array, read_only, tags_array
 from .backend import backend
 from .errors import MeshError
@@ -149,6 +150,7 @@ class Mesh:
         if cell_tags is not None:
             cell_tags = tags_array("cell_tags", cell_tags, len(cells), "'cells'")
         fields = fields_of(point_data, len(points))
+        threads = thread_count(threads)
         found = backend("rust").check_mesh(
             points,
             cells,
