@@ -28,6 +28,9 @@ pub use assemble::Dropped;
 /// Smallest angle of a cell that is left on the rim, in degrees.
 const RIM_ANGLE_DEG: f64 = 15.0;
 
+/// Mending may change the area by this share of the input's more than dropping features did.
+const MOST_CHANGE: f64 = 0.05;
+
 /// Triangulations of one level at most: each but the last takes out nodes that end in no cell.
 const MOST_ROUNDS: usize = 32;
 
@@ -90,13 +93,14 @@ pub struct Ground<'a> {
     vertex_of: HashMap<u32, u32>,
     /// Facet edges at each facet vertex.
     degree: Vec<u32>,
+    cos_feature: f64,
     area: f64,
     loops: usize,
 }
 
 impl<'a> Ground<'a> {
     /// Runtime: O(m), O(m log m) where there are several tags.
-    pub fn new(domain: &'a Domain, input: &'a Input<'a>) -> Ground<'a> {
+    pub fn new(domain: &'a Domain, input: &'a Input<'a>, cos_feature: f64) -> Ground<'a> {
         let mut home = vec![NONE; input.points.len()];
         for (t, cell) in input.cells.iter().enumerate() {
             cell.iter().for_each(|&node| home[node as usize] = t as u32);
@@ -119,6 +123,7 @@ impl<'a> Ground<'a> {
             degree,
             area: input.cells.iter().map(|cell| area(&cell.map(|i| input.points[i as usize]))).sum(),
             loops: assemble::loops(&boundary),
+            cos_feature,
             domain,
             input,
         }
@@ -144,6 +149,7 @@ impl<'a> Ground<'a> {
         for v in 0..self.domain.len() as u32 {
             choice.kept[v as usize] &= self.domain.copies(v).iter().any(|&node| is_allowed(node));
         }
+        let mut most_change = None;
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
         for _ in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
@@ -151,11 +157,14 @@ impl<'a> Ground<'a> {
             let Some(mut cells) = self.triangulate(choice)? else { break };
             cells.peel(RIM_ANGLE_DEG);
             cells.drop_crumbs();
-            let victims = cells.victims(RIM_ANGLE_DEG, |_| 0);
+            let victims = cells.victims(RIM_ANGLE_DEG, |s| self.cost(&cells, s, f));
             let shape = cells.shape(RIM_ANGLE_DEG);
+            let change = (cells.area() - self.area).abs();
+            let most = *most_change.get_or_insert(change + MOST_CHANGE * self.area);
             let mut next = choice.clone();
             let is_last = !self.take_out(&mut next, &cells, &victims);
-            if best.as_ref().is_none_or(|(old, ..)| shape.0 < old.0 || (shape.0 == old.0 && shape.1 >= old.1)) {
+            let is_better = |old: &(usize, f64)| shape.0 < old.0 || (shape.0 == old.0 && shape.1 >= old.1);
+            if change <= most && best.as_ref().is_none_or(|(old, ..)| is_better(old)) {
                 best = Some((shape, std::mem::replace(choice, next), cells));
             } else {
                 *choice = next;
@@ -169,6 +178,15 @@ impl<'a> Ground<'a> {
         *choice = settled;
         self.take_out(choice, &cells, &[]);
         Ok(Some(made))
+    }
+
+    /// What taking out a site costs: nothing for an interior node, most for a corner of the domain.
+    fn cost(&self, cells: &trim::Trimmed, s: u32, f: &[f64]) -> u32 {
+        let v = cells.sites[s as usize];
+        if v >= self.domain.len() as u32 {
+            return 0;
+        }
+        if self.domain.stands_out(v, f[v as usize], self.cos_feature).is_some() { 2 } else { 1 }
     }
 
     /// Takes nodes without a cell, and other sites, out of a choice; whether there were any.

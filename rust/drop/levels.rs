@@ -99,7 +99,7 @@ impl Builder<'_> {
             plans.push(plan);
         }
         plans.reverse();
-        let ground = Ground::new(self.domain, self.input);
+        let ground = Ground::new(self.domain, self.input, self.options.cos_feature);
         let mut allowed: Option<Vec<bool>> = None;
         let mut levels: Vec<Level> = Vec::new();
         for k in 0..plans.len() {

@@ -39,9 +39,8 @@ impl Candidate {
 }
 
 impl Trimmed {
-    /// Sites to be taken out so that cells under `limit_deg` vanish, no two of them in one star. `cost` tells how much
-    /// one would miss a site: among those that mend a star the cheapest goes, for none the one that leaves the best
-    /// star, if it is better than before.
+    /// Sites to be taken out so that cells under `limit_deg` vanish, no two of them in one star. Of the corners of a sliver
+    /// the one goes whose loss gains most, of equals the one that costs least, of equals the one that leaves the best star.
     pub fn victims(&self, limit_deg: f64, cost: impl Fn(u32) -> u32) -> Vec<u32> {
         let mut bad: Vec<(f64, usize)> =
             self.alive().map(|t| (self.angle[t], t)).filter(|&(angle, _)| angle < limit_deg).collect();
@@ -67,8 +66,7 @@ impl Trimmed {
                 } else {
                     continue;
                 };
-                let cost = if gain == Gain::Mends { cost(s) } else { 0 };
-                let candidate = Candidate { gain, cost, after, site: s, link };
+                let candidate = Candidate { gain, cost: cost(s), after, site: s, link };
                 if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                     best = Some(candidate);
                 }
