@@ -12,6 +12,7 @@
 mod assemble;
 mod levels;
 mod mend;
+mod pinch;
 mod trim;
 
 use crate::domain::{Chord, Domain, Sight};
@@ -93,6 +94,8 @@ pub struct Ground<'a> {
     vertex_of: HashMap<u32, u32>,
     /// Facet edges at each facet vertex.
     degree: Vec<u32>,
+    /// Those of them that have cells on one side only.
+    outer: Vec<u32>,
     cos_feature: f64,
     area: f64,
     loops: usize,
@@ -105,9 +108,13 @@ impl<'a> Ground<'a> {
         for (t, cell) in input.cells.iter().enumerate() {
             cell.iter().for_each(|&node| home[node as usize] = t as u32);
         }
-        let mut degree = vec![0; domain.len()];
-        for chain in &domain.chains {
-            chain.edges.iter().for_each(|edge| edge.vertices.iter().for_each(|&v| degree[v as usize] += 1));
+        let (mut degree, mut outer) = (vec![0; domain.len()], vec![0; domain.len()]);
+        for edge in domain.chains.iter().flat_map(|chain| &chain.edges) {
+            let is_outer = edge.sides[0].is_inside() != edge.sides[1].is_inside();
+            for v in edge.vertices {
+                degree[v as usize] += 1;
+                outer[v as usize] += u32::from(is_outer);
+            }
         }
         let boundary: Vec<[u32; 2]> =
             input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).map(|facet| facet.nodes).collect();
@@ -123,6 +130,7 @@ impl<'a> Ground<'a> {
             degree,
             area: input.cells.iter().map(|cell| area(&cell.map(|i| input.points[i as usize]))).sum(),
             loops: assemble::loops(&boundary),
+            outer,
             cos_feature,
             domain,
             input,
@@ -154,8 +162,9 @@ impl<'a> Ground<'a> {
         for _ in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
             choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles, &choice.chords);
-            let Some(mut cells) = self.triangulate(choice)? else { break };
+            let Some(mut cells) = self.triangulate(choice, f)? else { break };
             cells.peel(RIM_ANGLE_DEG);
+            cells.unpinch(RIM_ANGLE_DEG, |site| self.runs(site));
             cells.drop_crumbs();
             let victims = cells.victims(RIM_ANGLE_DEG, |s| self.cost(&cells, s, f));
             let shape = cells.shape(RIM_ANGLE_DEG);
@@ -178,6 +187,11 @@ impl<'a> Ground<'a> {
         *choice = settled;
         self.take_out(choice, &cells, &[]);
         Ok(Some(made))
+    }
+
+    /// Runs of cells around a site in the input: two boundary edges bound each.
+    fn runs(&self, site: u32) -> usize {
+        self.outer.get(site as usize).map_or(1, |&edges| (edges as usize / 2).max(1))
     }
 
     /// What taking out a site costs: nothing for an interior node, most for a corner of the domain.

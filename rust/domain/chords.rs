@@ -284,7 +284,7 @@ impl Domain {
     }
 
     /// Twice the signed area of a loop of vertices, measured from its first.
-    fn area_2(&self, mut vertices: impl Iterator<Item = u32>) -> f64 {
+    pub(super) fn area_2(&self, mut vertices: impl Iterator<Item = u32>) -> f64 {
         let Some(first) = vertices.next() else { return 0.0 };
         let origin = self.points[first as usize];
         let mut last = origin;

@@ -4,6 +4,7 @@
 //! cross another, that have a kept point between them and their piece of chain, or whose piece changes its kind.
 
 use super::{Chain, Chord, Domain};
+use crate::kdtree::Bounds;
 use crate::point::{Point, distance};
 use std::collections::HashSet;
 
@@ -36,6 +37,25 @@ impl Domain {
                 bad.next_if_eq(&(at - 1)).is_none()
             });
         }
+    }
+
+    /// Whether a chain bounds a hole of which fewer than three vertices are kept and that is no larger than the spacing `f`.
+    pub fn is_closed_up(&self, c: u32, kept: &[bool], f: &[f64]) -> bool {
+        let chain = &self.chains[c as usize];
+        let [left, right] = chain.edges[0].sides.map(|side| side.is_inside());
+        // the domain lies on the right of a hole that is run through counter-clockwise
+        let is_hole = || (self.area_2(chain.vertices.iter().copied()) > 0.0) == right;
+        chain.closed
+            && left != right
+            && chain.vertices.iter().filter(|&&v| kept[v as usize]).nth(2).is_none()
+            && self.extent(chain) <= chain.vertices.iter().map(|&v| f[v as usize]).fold(0.0, f64::max)
+            && is_hole()
+    }
+
+    /// Longest side of the box of a chain.
+    fn extent(&self, chain: &Chain) -> f64 {
+        let bounds = Bounds::of(chain.vertices.iter().map(|&v| &self.points[v as usize]));
+        (0..2).map(|k| bounds.hi[k] - bounds.lo[k]).fold(0.0, f64::max)
     }
 
     /// Whether the piece of chain is of one kind: boundary, slit or interface, with cells on the same sides.

@@ -29,7 +29,7 @@ pub struct Trimmed {
 
 impl Ground<'_> {
     /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all.
-    pub fn triangulate(&self, choice: &Choice) -> Result<Option<Trimmed>, Error> {
+    pub fn triangulate(&self, choice: &Choice, f: &[f64]) -> Result<Option<Trimmed>, Error> {
         let domain = self.domain;
         let facets = domain.len() as u32;
         let mut sites: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
@@ -60,14 +60,14 @@ impl Ground<'_> {
         let mut is_slit: Vec<bool> = constraints.iter().map(|c| c.wall && c.left && c.right).collect();
         failed.iter().for_each(|&c| is_slit[c as usize] = false);
         let mut trimmed = Trimmed { label: vec![None; cells.cells.len()], sites, points, cells, is_slit, angle };
-        self.label(choice, &failed, &mut trimmed);
+        self.label(choice, f, &failed, &mut trimmed);
         let is_empty = trimmed.label.iter().all(|label| label.is_none());
         Ok((!is_empty).then_some(trimmed))
     }
 
     /// Labels cells: beside a valid chord as the chord says, from there over the cells without loose corners up to the
     /// next chord, and by sample points where nothing or more than one thing is said.
-    fn label(&self, choice: &Choice, failed: &[u32], trimmed: &mut Trimmed) {
+    fn label(&self, choice: &Choice, f: &[f64], failed: &[u32], trimmed: &mut Trimmed) {
         let domain = self.domain;
         let facets = domain.len() as u32;
         let mut missing = self.degree.clone();
@@ -84,13 +84,16 @@ impl Ground<'_> {
             let side = domain.chains[chord.chain as usize].edge(chord.from).sides[c as usize % 2];
             side.is_inside().then_some(side.cell_tag)
         };
+        let is_gone: Vec<bool> =
+            (0..domain.chains.len() as u32).map(|c| domain.is_closed_up(c, &choice.kept, f)).collect();
         let mut said: Vec<Option<Option<i64>>> = vec![None; n];
         let mut unsure = vec![false; n];
         for t in 0..n {
             let loose = cells.cells[t].iter().any(|&s| is_loose(s));
             let mut votes = cells.constraints[t].iter().filter(|&&c| c != NONE).map(|&c| says(c));
             said[t] = votes.next();
-            unsure[t] = said[t].map_or(loose, |first| votes.any(|vote| vote != first));
+            // beyond a wall is outside for sure, but what is inside at one chord may lie beyond another, given up
+            unsure[t] = said[t].map_or(loose, |first| (loose && first.is_some()) || votes.any(|vote| vote != first));
         }
         let mut seen = unsure.clone();
         for first in 0..n {
@@ -128,13 +131,13 @@ impl Ground<'_> {
         for t in 0..n {
             trimmed.label[t] = match said[t] {
                 Some(label) if !unsure[t] => label,
-                _ => self.sample(trimmed, t),
+                _ => self.sample(trimmed, t, &is_gone),
             };
         }
     }
 
     /// The tag of most sample points of a cell, `None` where not most of them lie inside.
-    fn sample(&self, trimmed: &Trimmed, t: usize) -> Option<i64> {
+    fn sample(&self, trimmed: &Trimmed, t: usize, is_gone: &[bool]) -> Option<i64> {
         let cell = trimmed.cells.cells[t];
         let corners = cell.map(|s| trimmed.points[s as usize]);
         let facets = self.domain.len() as u32;
@@ -145,7 +148,8 @@ impl Ground<'_> {
         let middle = centroid(&corners);
         let towards = |p: &Point<2>| [(middle[0] + p[0]) / 2.0, (middle[1] + p[1]) / 2.0];
         let samples = [middle, towards(&corners[0]), towards(&corners[1]), towards(&corners[2])];
-        let tags: Vec<i64> = samples.iter().filter_map(|x| self.sight.look(&eye, tag, x)).collect();
+        let tags: Vec<i64> =
+            samples.iter().filter_map(|x| self.sight.look(&eye, tag, x, |c| is_gone[c as usize])).collect();
         let count = |tag: i64| tags.iter().filter(|&&other| other == tag).count();
         let most = tags.iter().map(|&tag| count(tag)).max()?;
         tags.iter().copied().find(|&tag| tags.len() >= 3 && count(tag) == most)
