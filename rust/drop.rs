@@ -32,6 +32,10 @@ const RIM_ANGLE_DEG: f64 = 15.0;
 /// Mending may change the area by this share of the input's more than dropping features did.
 const MOST_CHANGE: f64 = 0.05;
 
+/// A vertex that stands out at f comes first, then those at f/2, f/4, so many in all: a coarser level should not keep
+/// what is no corner beside what is one on a finer level.
+const CORNER_SCALES: u8 = 2;
+
 /// Triangulations of one level at most: each but the last takes out nodes that end in no cell.
 const MOST_ROUNDS: usize = 32;
 
@@ -50,16 +54,21 @@ pub fn select(
     let mut kept = if seeds.kept.is_empty() { vec![false; facets] } else { seeds.kept.clone() };
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
     keep.extend(&seeded);
+    let is_speck = domain.specks(&f[..facets]);
     let (mut corners, mut order) = (Vec::new(), Vec::new());
-    for v in (0..facets as u32).filter(|&v| !kept[v as usize]) {
-        match domain.stands_out(v, f[v as usize], cos_feature) {
-            Some(sharpness) => corners.push((sharpness, v)),
+    for v in (0..facets as u32).filter(|&v| !kept[v as usize] && !is_speck[domain.chain_of(v) as usize]) {
+        let at = |scale: u8| {
+            let sharpness = domain.stands_out(v, f[v as usize] / f64::from(1u32 << scale), cos_feature)?;
+            Some((scale, sharpness))
+        };
+        match (0..CORNER_SCALES).find_map(at) {
+            Some((scale, sharpness)) => corners.push((scale, sharpness, v)),
             None => order.push(v),
         }
     }
-    corners.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    corners.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)).then(a.2.cmp(&b.2)));
     rank(&mut order, f);
-    let order: Vec<u32> = corners.into_iter().map(|(_, v)| v).chain(order).collect();
+    let order: Vec<u32> = corners.into_iter().map(|(.., v)| v).chain(order).collect();
     for v in greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)? {
         kept[v as usize] = true;
     }

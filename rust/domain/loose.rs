@@ -3,7 +3,7 @@
 //! Instead of putting vertices back (see `chords`), chords that would make an invalid domain are given up: those that
 //! cross another, that have a kept point between them and their piece of chain, or whose piece changes its kind.
 
-use super::{Chain, Chord, Domain};
+use super::{Chain, Chord, Domain, segment_distance_2};
 use crate::kdtree::Bounds;
 use crate::point::{Point, distance};
 use std::collections::HashSet;
@@ -39,17 +39,28 @@ impl Domain {
         }
     }
 
-    /// Whether a chain bounds a hole of which fewer than three vertices are kept and that is no larger than the spacing `f`.
-    pub fn is_closed_up(&self, c: u32, kept: &[bool], f: &[f64]) -> bool {
+    /// Chains of their own (loops, slits inside) that are no larger than the spacing `f`.
+    pub fn specks(&self, f: &[f64]) -> Vec<bool> {
+        let is_tip = |v: u32| self.ends.get(&v).is_none_or(|ends| ends.len() == 1);
+        let is_speck = |chain: &Chain| {
+            let ends = [chain.vertices[0], chain.vertices[chain.vertices.len() - 1]];
+            let most = || chain.vertices.iter().map(|&v| f[v as usize]).fold(0.0, f64::max);
+            (chain.closed || ends.into_iter().all(is_tip)) && self.extent(chain) <= most()
+        };
+        self.chains.iter().map(is_speck).collect()
+    }
+
+    /// The first chain that a vertex is on.
+    pub fn chain_of(&self, v: u32) -> u32 {
+        self.place[v as usize].0
+    }
+
+    /// Whether a closed chain bounds a hole.
+    pub fn is_hole(&self, c: u32) -> bool {
         let chain = &self.chains[c as usize];
         let [left, right] = chain.edges[0].sides.map(|side| side.is_inside());
         // the domain lies on the right of a hole that is run through counter-clockwise
-        let is_hole = || (self.area_2(chain.vertices.iter().copied()) > 0.0) == right;
-        chain.closed
-            && left != right
-            && chain.vertices.iter().filter(|&&v| kept[v as usize]).nth(2).is_none()
-            && self.extent(chain) <= chain.vertices.iter().map(|&v| f[v as usize]).fold(0.0, f64::max)
-            && is_hole()
+        chain.closed && left != right && (self.area_2(chain.vertices.iter().copied()) > 0.0) == right
     }
 
     /// Longest side of the box of a chain.
@@ -80,24 +91,24 @@ impl Domain {
         *chords = out;
     }
 
-    /// Whether the boundary bends by more than the feature angle when looked at with steps of length `reach`: minus the
-    /// cosine of the bend where it does (greater is sharper). Junctions and changes of attributes count as right angles.
+    /// How far a vertex stands out of the boundary, where that bends by more than the feature angle when looked at with
+    /// steps of length `reach`, a quarter of the chain at most: its distance from the line between the points a step
+    /// before and a step after, in steps. Junctions and changes of attributes always stand out by a half.
     pub fn stands_out(&self, v: u32, reach: f64, cos_feature: f64) -> Option<f64> {
         let (c, k) = self.place[v as usize];
         let chain = &self.chains[c as usize];
         let arc = chain.arc[k as usize];
-        let fixed = self.fixed[v as usize].then_some(0.0);
+        let fixed = self.fixed[v as usize].then_some(0.5);
         if self.ends.contains_key(&v) {
             return fixed;
         }
-        if 2.0 * reach > chain.length() {
-            return None;
-        }
+        let reach = reach.min(chain.length() / 4.0);
         let p = &self.points[v as usize];
         let (a, b) = (self.point_along(chain, arc - reach), self.point_along(chain, arc + reach));
         let (da, db) = (distance(&a, p), distance(p, &b));
         let cosine = ((p[0] - a[0]) * (b[0] - p[0]) + (p[1] - a[1]) * (b[1] - p[1])) / (da * db);
-        if cosine < cos_feature { Some((-cosine).max(fixed.unwrap_or(-1.0))) } else { fixed }
+        let height = segment_distance_2(p, &a, &b).sqrt() / reach;
+        if cosine < cos_feature { Some(height.max(fixed.unwrap_or(0.0))) } else { fixed }
     }
 
     /// The point of a chain at an arc length, which runs on around a closed chain and stops at the ends of an open one.

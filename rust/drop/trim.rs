@@ -85,7 +85,7 @@ impl Ground<'_> {
             side.is_inside().then_some(side.cell_tag)
         };
         let is_gone: Vec<bool> =
-            (0..domain.chains.len() as u32).map(|c| domain.is_closed_up(c, &choice.kept, f)).collect();
+            domain.specks(f).into_iter().zip(0..).map(|(speck, c)| speck && domain.is_hole(c)).collect();
         let mut said: Vec<Option<Option<i64>>> = vec![None; n];
         let mut unsure = vec![false; n];
         for t in 0..n {
