@@ -190,3 +190,11 @@ def test_twins_keep_the_same_nodes_of_parts_that_overlap(meshes):
     np.testing.assert_array_equal(rust.nodes, numpy.nodes)
     np.testing.assert_array_equal(rust.spacing, numpy.spacing)
     assert_is_valid_level(numpy, mesh)
+
+
+@pytest.mark.parametrize("features", ["drop", "auto"])
+def test_the_reference_says_what_it_has_no_twin_of(features):
+    with pytest.raises(
+        ValueError, match=f"'features' is '{features}', expected 'keep' or 'plain' with backend='numpy'"
+    ):
+        coarsen.coarsen(coarsen.gallery.square(100), features=features, backend="numpy")

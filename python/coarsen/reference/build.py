@@ -23,7 +23,15 @@ def hierarchy(
     report: Report = None,
     threads: int | None = None,
 ) -> Made:
-    """Build the coarser levels of a triangle mesh; `report` and `threads` are passed over."""
+    """Build the coarser levels of a triangle mesh; `report` and `threads` are passed over.
+
+    Raises
+    ------
+    ValueError
+        If features are to be dropped: that part of the core has no twin.
+    """
+    if options.method != "mis" and options.features in {"drop", "auto"}:
+        raise ValueError(f"'features' is {options.features!r}, expected 'keep' or 'plain' with backend='numpy'")
     if facets.layer is not None:
         return hierarchy_in_layers(one_layer, points, cells, facets, spacing, options)
     return one_layer(points, cells, facets, spacing, options)
