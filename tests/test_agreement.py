@@ -194,7 +194,5 @@ def test_twins_keep_the_same_nodes_of_parts_that_overlap(meshes):
 
 @pytest.mark.parametrize("features", ["drop", "auto"])
 def test_the_reference_says_what_it_has_no_twin_of(features):
-    with pytest.raises(
-        ValueError, match=f"'features' is '{features}', expected 'keep' or 'plain' with backend='numpy'"
-    ):
+    with pytest.raises(ValueError, match=f"'{features}', expected 'keep' or 'plain' with"):
         coarsen.coarsen(coarsen.gallery.square(100), features=features, backend="numpy")
