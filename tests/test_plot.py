@@ -64,6 +64,17 @@ def test_cells_are_filled_by_tag() -> None:
     assert len(shades) == 2
 
 
+@pytest.mark.parametrize("name", ["ring", "crack_plate", "plate_with_holes", "coast"])
+def test_without_tags_the_domain_is_filled_and_its_holes_are_not(name: str) -> None:
+    mesh = getattr(gallery, name)(600)
+    figure, ax = pyplot.subplots(figsize=(5, 5), dpi=100)
+    plot_mesh(mesh, ax, color="none", facets=False)
+    figure.canvas.draw()
+    image = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    filled = (image < 250).any(axis=2).sum() / (np.diff(ax.transData.transform([[0, 0], [1, 1]]), axis=0).prod())
+    assert filled == pytest.approx(mesh.quality().area, rel=0.02)
+
+
 def test_a_window_draws_only_what_reaches_into_it() -> None:
     mesh = gallery.square(2500)
     ax = plot_mesh(mesh, window=(0.5, 0.5, 0.1))

@@ -87,7 +87,7 @@ def _shade(ax: Any, level: Level) -> None:
     values = np.asarray(level.spacing, dtype=np.float64)
     low, high = float(values.min()), float(values.max())
     if not (0 < low < high < math.inf):
-        fill_cells(ax, level.mesh.points, np.asarray(level.mesh.cells), None)
+        fill_cells(ax, level.mesh, None, np.asarray(level.mesh.cells))
         return
     area = ax.tripcolor(
         *level.mesh.points.T,

@@ -94,7 +94,7 @@ def plot_mesh(
         tags = mesh.cell_tags
         if tags is not None and window is not None:
             tags = tags[_near_mask(points, np.asarray(mesh.cells), window)]
-        fill_cells(ax, points, cells, tags)
+        fill_cells(ax, mesh, tags, cells)
     draw_edges(ax, points, unique_edges(cells), color)
     if facets:
         draw_facets(ax, mesh)
@@ -157,17 +157,38 @@ def points_per_unit(ax: Any) -> float:
     return float(72 * min(width * box.width / abs(x1 - x0), height * box.height / abs(y1 - y0)))
 
 
-def fill_cells(ax: Any, points: NDArray[Any], cells: NDArray[Any], tags: NDArray[Any] | None) -> None:
-    """Fill the cells, each tag in its colour."""
+def fill_cells(ax: Any, mesh: Mesh, tags: NDArray[Any] | None, cells: NDArray[Any]) -> None:
+    """Fill the cells, each tag in its colour; without tags the domain as one path, whatever the number of cells."""
+    if tags is None:
+        shape = matplotlib("patches").PathPatch(_outline(mesh), facecolor=FACE, linewidth=0, zorder=0)
+        ax.add_artist(shape)
+        return
     collections, colors = matplotlib("collections"), matplotlib("colors")
-    values = np.zeros(len(cells), dtype=np.int64) if tags is None else np.unique(tags, return_inverse=True)[1]
-    palette = (FACE,) if tags is None else TAGS
-    shades = colors.to_rgba_array([palette[k % len(palette)] for k in range(int(values.max()) + 1)])
+    values = np.unique(tags, return_inverse=True)[1]
+    shades = colors.to_rgba_array([TAGS[k % len(TAGS)] for k in range(int(values.max()) + 1)])
     area = collections.PolyCollection(
-        points[cells], facecolors=shades[values], edgecolors="face", linewidths=0.2, antialiased=False, zorder=0
+        mesh.points[cells], facecolors=shades[values], edgecolors="face", linewidths=0.2, antialiased=False, zorder=0
     )
     area.set_rasterized(len(cells) > _RASTER_FROM)
     ax.add_collection(area, autolim=False)
+
+
+def _outline(mesh: Mesh) -> Any:
+    """Return the boundary as closed loops; its edges have the cells on their left, so that holes stay empty."""
+    after: dict[int, list[int]] = {}
+    for tail, head in mesh.boundary_facets.tolist():
+        after.setdefault(tail, []).append(head)
+    path = matplotlib("path").Path
+    nodes: list[int] = []
+    codes: list[int] = []
+    for start in list(after):
+        while after[start]:
+            loop = [start]
+            while after.get(loop[-1]):  # at a node of several loops any way round fills the same
+                loop.append(after[loop[-1]].pop())
+            nodes += loop
+            codes += [path.MOVETO] + [path.LINETO] * (len(loop) - 2) + [path.CLOSEPOLY]
+    return path(mesh.points[nodes], codes)
 
 
 def draw_edges(ax: Any, points: NDArray[Any], edges: NDArray[Any], color: str, weight: float = 1.0) -> None:
