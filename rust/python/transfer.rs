@@ -89,18 +89,20 @@ impl PyRows<'_> {
     }
 }
 
-/// `p.T` and `p.T @ a @ p`, by rows.
+/// `p.T` and `p.T @ a @ p`, by rows, entries under `least` times the roots of both diagonals moved to the diagonal.
 #[pyfunction(name = "galerkin")]
 fn py_galerkin<'py>(
     py: Python<'py>,
     a: PyRows<'py>,
     p: PyRows<'py>,
+    least: f64,
     threads: Option<usize>,
 ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
     let (a, p) = (a.view("A")?, p.view("P")?);
     let (restriction, made) = run(py, threads, None, |_| {
         let restriction = p.transposed();
         let made = galerkin::triple(restriction.view(), a, p)?;
+        let made = if least > 0.0 { galerkin::filtered(made, least)? } else { made };
         Ok((restriction, made))
     })?;
     Ok((matrix(py, restriction), matrix(py, made)))

@@ -130,6 +130,16 @@ proptest! {
     }
 }
 
+#[test]
+fn weak_entries_go_to_the_diagonal() {
+    let (indptr, indices) = (vec![0, 3, 6, 9], vec![0, 1, 2, 0, 1, 2, 0, 1, 2]);
+    let data = vec![1.0, -0.5, -0.01, -0.5, 4.0, 0.05, -0.01, 0.05, 1.0];
+    let made = galerkin::filtered(Rows { columns: 3, indptr, indices, data }, 0.02).unwrap();
+    let expected = [[0.99, -0.5, 0.0], [-0.5, 4.0, 0.05], [0.0, 0.05, 0.99]];
+    assert_eq!(dense(made.view()), expected.map(|row| row.to_vec()));
+    assert_eq!(made.indptr, [0, 2, 5, 7]);
+}
+
 /// A sparse matrix of some entries, each row's columns ascending.
 fn matrix(rows: usize, columns: usize) -> impl Strategy<Value = Rows> {
     let row = prop::collection::btree_map(0..columns as i32, -2.0..2.0f64, 0..columns);

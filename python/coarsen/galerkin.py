@@ -1,0 +1,317 @@
+"""Operators and prolongations of a multigrid method on the levels of a hierarchy.
+
+On top of the hierarchy's own prolongations, three things that solvers need:
+
+- Coarse operators are Galerkin's, P^T A P, without their weak entries (`WEAK`), which are added to the diagonal.
+- Where a level has dropped parts of the domain (a long inlet, say), finer nodes deep in them would all take one coarse
+  value, and what varies along the inlet would be out of reach of every coarse level. These nodes are aggregated instead, with Jacobi-smoothed interpolation (Vanek, Mandel, Brezina 1996), on and on with the levels.
+- Where nothing but one unknown is held, and the matrix has the constants in its null space (all boundaries natural), the
+  one held unknown is only a choice of the constant. The coarse levels then work on the whole, singular problem, and the
+  constant is chosen on the finest level: holding a single node on every level would slow all of them down, by the
+  logarithm of their size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coarsen import transfer
+from coarsen.backend import backend
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_matrix
+
+    from coarsen.mesh import Mesh
+    from coarsen.multilevel import Hierarchy
+
+WEAK = 0.004
+"""Galerkin's entries under this, relative to the roots of both diagonals, are weak. 0.01 would cost an iteration."""
+
+SHRINK = 0.7
+"""A level with more than this share of the unknowns of the one before is passed over."""
+
+DEEP = 1.0
+"""Nodes further than this many fine spacings outside of the coarse mesh are aggregated."""
+
+OMEGA = 2.0 / 3.0
+"""Jacobi damping of the aggregates' interpolation."""
+
+MOST_GAUGED = 256
+"""A node with more neighbours than this is no node of a mesh."""
+
+Operators = Callable[[int, "Mesh"], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A level of a multigrid method.
+
+    Attributes
+    ----------
+    level : int
+        The level of the hierarchy.
+    A : csr_matrix
+        The operator on its unknowns.
+    P, R : csr_matrix or None
+        Prolongation from the next coarser stage and its transpose; None on the coarsest one.
+    gauge : (k,) float64 array or None
+        On the finest stage, if its single held unknown only chooses the constant: the row sums of A.
+    """
+
+    level: int
+    A: csr_matrix
+    P: csr_matrix | None = None
+    R: csr_matrix | None = None
+    gauge: NDArray[np.float64] | None = None
+
+
+def stages(
+    A: Any,
+    hierarchy: Hierarchy,
+    free: Any = None,
+    *,
+    dirichlet: Any = None,
+    block_size: int = 1,
+    operators: Operators | None = None,
+    max_coarse: int = 200,
+) -> list[Stage]:
+    """Return operators and prolongations, finest first; the parameters are those of `multigrid.pyamg_solver`."""
+    finest, mask = finest_matrix(A, hierarchy, free, dirichlet, block_size)
+    whole = whole_matrix(finest, mask) if block_size == 1 else None
+    matrix = finest if whole is None else whole
+    held = mask if whole is None else np.ones_like(mask)
+    made: list[tuple[int, Any, Any, Any]] = []
+    columns, component = held, np.tile(np.arange(block_size), len(held) // block_size)[held]
+    i = 0
+    while matrix.shape[0] > max_coarse:
+        j = _next_level(hierarchy, i, matrix.shape[0] - (len(component) - int(columns.sum())), held, block_size)
+        if j is None:
+            break
+        rows, columns = columns, held.reshape(-1, block_size)[hierarchy[j].nodes].ravel()
+        found = transfer.locate(hierarchy, i, j)
+        whole_p = blocks(found.matrix, block_size)
+        # a level that is not nested may have nodes that no free finer one takes a value from: they are no unknowns
+        columns &= np.bincount(whole_p[rows].indices, minlength=len(columns)) > 0
+        prolongation = transfer.reduced(whole_p, rows, columns)
+        component_coarse = np.tile(np.arange(block_size), len(columns) // block_size)[columns]
+        if operators is None:
+            deep = np.zeros(len(rows) // block_size, dtype=bool)
+            deep[found.outside[found.distance > DEEP * hierarchy[i].spacing[found.outside]]] = True
+            prolongation, component = _with_aggregates(
+                matrix, prolongation, np.repeat(deep, block_size)[rows], component, component_coarse
+            )
+            core = backend(hierarchy.options.backend)
+            # moving an entry between two unknowns of different kinds to the diagonal would change more than its size
+            least = WEAK if block_size == 1 else 0.0
+            restriction, coarse = core.galerkin(matrix, prolongation, least, hierarchy.options.threads)
+            restriction = wrapped(restriction, matrix.shape[0])
+            coarse = wrapped(coarse, prolongation.shape[1])
+        else:
+            component = component_coarse
+            restriction = prolongation.T.tocsr()
+            coarse = transfer.reduced(as_csr(operators(j, hierarchy[j].mesh)), columns, columns)
+        made.append((i, matrix, prolongation, restriction))
+        matrix, i = coarse, j
+    made.append((i, matrix, None, None))
+    if whole is not None and len(made) > 1:
+        made = _gauged(made, finest, mask)
+    gauge = None if whole is None else np.asarray(finest.sum(axis=1)).ravel()
+    return [Stage(*stage, gauge if k == 0 else None) for k, stage in enumerate(made)]
+
+
+def _next_level(hierarchy: Hierarchy, i: int, unknowns: int, held: NDArray[np.bool_], block_size: int) -> int | None:
+    """Return the next level after `i` that is smaller by a good share, or None."""
+    counts = held.reshape(-1, block_size)
+    for j in range(i + 1, len(hierarchy)):
+        count = int(np.count_nonzero(counts[hierarchy[j].nodes]))
+        if 0 < count <= SHRINK * unknowns:
+            return j
+    return None
+
+
+def finest_matrix(
+    A: Any, hierarchy: Hierarchy, free: Any, dirichlet: Any, block_size: int
+) -> tuple[csr_matrix, NDArray[np.bool_]]:
+    """Return the matrix of the free unknowns, and which of all are free.
+
+    Raises
+    ------
+    ValueError
+        If the matrix has another size or dtype, or `free` and `dirichlet` do not fit the mesh.
+    """
+    mesh = hierarchy[0].mesh
+    if block_size < 1:
+        raise ValueError(f"'block_size' is {block_size}, expected at least 1")
+    unknowns = mesh.n_points * block_size
+    if free is not None and np.shape(free) == (unknowns,) and dirichlet is None:
+        mask = np.asarray(free)
+        if mask.dtype != np.bool_:
+            raise ValueError(f"'free' has dtype {mask.dtype}, expected bool")
+    else:
+        nodes = transfer.free_mask(mesh, free, dirichlet)
+        mask = np.ones(unknowns, dtype=bool) if nodes is None else np.repeat(nodes, block_size)
+    matrix = as_csr(A)
+    count = int(np.count_nonzero(mask))
+    if matrix.shape not in ((unknowns, unknowns), (count, count)):
+        wanted = f"({unknowns}, {unknowns})" + (f" or ({count}, {count})" if count < unknowns else "")
+        raise ValueError(f"'A' has shape {matrix.shape}, expected {wanted}")
+    if matrix.shape[0] == unknowns and count < unknowns:
+        matrix = transfer.reduced(matrix, mask, mask)
+    return matrix, mask
+
+
+def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | None:
+    """Return the singular matrix of all unknowns, of which one was held, or None where that is not what was done.
+
+    Its row and column of the held unknown are what makes all rows and columns sum to 0.
+    """
+    from scipy.sparse import coo_matrix
+
+    if len(mask) - np.count_nonzero(mask) != 1:
+        return None
+    rows, columns = (np.asarray(matrix.sum(axis=axis)).ravel() for axis in (1, 0))
+    rounding = 1e-10 * np.abs(matrix.diagonal())
+    near = np.flatnonzero((np.abs(rows) > rounding) | (np.abs(columns) > rounding))
+    if not 0 < len(near) <= MOST_GAUGED or not rows[near].sum() > 0:
+        return None
+    at, place = np.flatnonzero(mask).astype(np.int32), np.int32(np.argmin(mask))
+    long = matrix.tocoo()
+    more = np.full(len(near), place)
+    row = np.concatenate([at[long.row], at[near], more, [place]])
+    column = np.concatenate([at[long.col], more, at[near], [place]])
+    values = np.concatenate([long.data, -rows[near], -columns[near], [rows[near].sum()]])
+    return as_csr(coo_matrix((values, (row, column)), shape=(len(mask), len(mask))))
+
+
+def _gauged(made: list[tuple[int, Any, Any, Any]], finest: csr_matrix, mask: NDArray[np.bool_]) -> list[Any]:
+    """Choose the constant: the finest stage subtracts the held unknown, the coarsest one leaves an unknown out."""
+    from scipy.sparse import csr_matrix, vstack
+
+    level, matrix, prolongation, restriction = made[-2]
+    # values at the unknown left out are 0 there: the same functions, up to constants, that stage -2 does not feel
+    keep = np.arange(prolongation.shape[1]) > 0
+    prolongation = transfer.reduced(prolongation, np.ones(prolongation.shape[0], dtype=bool), keep)
+    made[-2] = (level, matrix, prolongation, restriction[1:])
+    level, matrix, *_ = made[-1]
+    made[-1] = (level, transfer.reduced(matrix, keep, keep), None, None)
+    level, matrix, prolongation, restriction = made[0]
+    row = prolongation[np.argmin(mask)]
+    ones = csr_matrix(np.ones((finest.shape[0], 1)))
+    prolongation = as_csr(prolongation[mask] - ones @ row)
+    prolongation.sort_indices()
+    made[0] = (level, finest, prolongation, vstack([prolongation.T], format="csr"))
+    return made
+
+
+def _with_aggregates(
+    matrix: csr_matrix,
+    prolongation: csr_matrix,
+    deep: NDArray[np.bool_],
+    component: NDArray[np.int64],
+    component_coarse: NDArray[np.int64],
+) -> tuple[csr_matrix, NDArray[np.int64]]:
+    """Add aggregates for the unknowns deep outside of the coarse mesh, and for the aggregates of the level itself."""
+    from scipy.sparse import csr_matrix, diags, hstack, vstack
+
+    more = matrix.shape[0] - len(deep)
+    loose = np.flatnonzero(np.concatenate([deep, np.ones(more, dtype=bool)]))
+    if not len(loose):
+        return prolongation, component_coarse
+    aggregate = aggregates(matrix[loose][:, loose], component[loose])
+    count = int(aggregate.max()) + 1
+    tentative = diags((~deep).astype(float)) @ prolongation
+    if more:
+        tentative = vstack([tentative, csr_matrix((more, prolongation.shape[1]))])
+    ones = (np.ones(len(loose)), (loose, aggregate))
+    tentative = as_csr(hstack([tentative, csr_matrix(ones, shape=(matrix.shape[0], count))]))
+    # the smoothed rows replace the loose ones
+    step = diags(OMEGA / matrix.diagonal()[loose]) @ (matrix[loose] @ tentative)
+    onto = csr_matrix((np.ones(len(loose)), (loose, np.arange(len(loose)))), shape=(matrix.shape[0], len(loose)))
+    smoothed = as_csr(tentative - onto @ step)
+    smoothed.eliminate_zeros()
+    smoothed.sort_indices()
+    first = np.full(count, -1)
+    first[aggregate[::-1]] = loose[::-1]
+    return smoothed, np.concatenate([component_coarse, component[first]])
+
+
+def aggregates(matrix: csr_matrix, component: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Aggregate unknowns with their strongly coupled neighbours of the same component, greedily by index.
+
+    Returns
+    -------
+    (n,) int64 array
+        The number of its aggregate for each unknown.
+    """
+    strong = 0.05
+    n = matrix.shape[0]
+    out = np.full(n, -1, dtype=np.int64)
+    near: list[NDArray[np.int64]] = []
+    for i in range(n):
+        row = slice(matrix.indptr[i], matrix.indptr[i + 1])
+        to, values = matrix.indices[row], np.abs(matrix.data[row])
+        other = (to != i) & (component[to] == component[i])
+        near.append(to[other & (values >= strong * values[other].max(initial=0.0))])
+    count = 0
+    for i in range(n):
+        if out[i] < 0 and (out[near[i]] < 0).all():
+            out[near[i]] = out[i] = count
+            count += 1
+    rooted = out.copy()
+    for i in range(n):
+        if out[i] < 0:
+            known = near[i][rooted[near[i]] >= 0]
+            if len(known):
+                out[i] = rooted[known[0]]
+            else:
+                out[i] = count
+                count += 1
+    return out
+
+
+def as_csr(A: Any) -> csr_matrix:
+    """Return a real matrix by rows with the indices that the core takes.
+
+    Raises
+    ------
+    ValueError
+        If it is complex, or has 2³¹ or more entries.
+    """
+    from scipy.sparse import csr_matrix
+
+    matrix = csr_matrix(A)
+    if matrix.dtype != np.float64:
+        if matrix.dtype.kind not in "iuf":
+            raise ValueError(f"'A' has dtype {matrix.dtype}, expected real numbers")
+        matrix = matrix.astype(np.float64)
+    if matrix.indices.dtype != np.int32 or matrix.indptr.dtype != np.int32:
+        if matrix.nnz >= np.iinfo(np.int32).max:
+            raise ValueError(f"'A' has {matrix.nnz} entries, expected fewer than 2**31 - 1")
+        parts = (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
+        matrix = csr_matrix(parts, shape=matrix.shape)
+    return matrix
+
+
+def wrapped(rows: tuple[Any, Any, Any], columns: int) -> csr_matrix:
+    """Wrap the core's rows, without a copy."""
+    from scipy.sparse import csr_matrix
+
+    indptr, indices, values = rows
+    matrix = csr_matrix((values, indices, indptr), shape=(len(indptr) - 1, columns), copy=False)
+    matrix.has_sorted_indices = True
+    matrix.has_canonical_format = True
+    return matrix
+
+
+def blocks(matrix: csr_matrix, block_size: int) -> csr_matrix:
+    """Interpolate each of a node's unknowns alike."""
+    if block_size == 1:
+        return matrix
+    from scipy.sparse import identity, kron
+
+    return as_csr(kron(matrix, identity(block_size), format="csr"))
