@@ -195,20 +195,31 @@ impl<'a> Outline<'a> {
     /// How often each part covers the place right below `x` (and by nothing to the right of it): (part, times).
     pub fn below(&self, x: &Point<2>) -> Vec<(u32, i32)> {
         let mut covered: Vec<(u32, i32)> = Vec::new();
+        self.ascend(x, |part, sign| match covered.iter_mut().find(|(p, _)| *p == part) {
+            Some((_, times)) => *times += sign,
+            None => covered.push((part, sign)),
+        });
+        covered
+    }
+
+    /// Whether a part covers the place right below `x`.
+    pub fn covers(&self, part: u32, x: &Point<2>) -> bool {
+        let mut times = 0;
+        self.ascend(x, |p, sign| times += if p == part { sign } else { 0 });
+        times > 0
+    }
+
+    /// Calls `cross(part, sign)` for every segment below `x`: 1 where its cells lie above it, -1 where below.
+    fn ascend(&self, x: &Point<2>, mut cross: impl FnMut(u32, i32)) {
         let wanted = |bounds: &Bounds<2>| bounds.lo[0] <= x[0] && x[0] < bounds.hi[0] && bounds.lo[1] <= x[1];
         self.tree.visit(wanted, |position| {
             let s = self.tree.order[position];
             let [tail, head] = self.ends(s);
             let (left, right, sign) = if tail[0] < head[0] { (tail, head, 1) } else { (head, tail, -1) };
             if orient(&left, &right, x) > 0.0 {
-                let part = self.segments[s as usize].part;
-                match covered.iter_mut().find(|(p, _)| *p == part) {
-                    Some((_, times)) => *times += sign,
-                    None => covered.push((part, sign)),
-                }
+                cross(self.segments[s as usize].part, sign);
             }
         });
-        covered
     }
 }
 

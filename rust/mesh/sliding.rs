@@ -191,7 +191,7 @@ fn refuse_deep(
     let centroid = [0, 1].map(|k| corners.iter().map(|p| p[k] / 3.0).sum());
     let middles = cuts.windows(2).map(|pair| along(0.5 * (pair[0] + pair[1])));
     for x in [a, b, centroid].into_iter().chain(middles) {
-        let inside = outline.below(&x).iter().any(|&(part, times)| part == other && times > 0);
+        let inside = outline.covers(other, &x);
         let depth = if inside { distance_to(outline, &x, other, allowed) } else { 0.0 };
         if depth > allowed {
             let how = format!(
