@@ -421,7 +421,7 @@ def test_parts_that_overlap_deeply_are_no_sliding_interface():
 def test_many_parts_that_overlap_shallowly_get_few_layers():
     k = 40
     offset = np.column_stack([axis.ravel() for axis in np.meshgrid(np.arange(k), np.arange(k))])[:, None]
-    points = ([[0, 0], [1.01, 0], [0, 1]] + offset).reshape(-1, 2)
+    points = (np.array([[0.0, 0.0], [1.01, 0.0], [0.0, 1.0]]) + offset).reshape(-1, 2)
     layer = Mesh(points, np.arange(len(points)).reshape(-1, 3)).topology.layer
     assert set(layer) == {0, 1}
     at = layer[::3].reshape(k, k)

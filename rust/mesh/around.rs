@@ -17,6 +17,7 @@ use super::outline::{Contact, Outline, coincident, lower};
 use crate::error::Broken;
 use crate::point::{NONE, Point, orient};
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 
 /// A segment, seen from a place on it.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +35,13 @@ struct Ray {
 fn turn(v: &Point<2>, p: &Point<2>, q: &Point<2>) -> Ordering {
     let lower_half = |p: &Point<2>| p[1] < v[1] || (p[1] == v[1] && p[0] < v[0]);
     lower_half(p).cmp(&lower_half(q)).then_with(|| 0.0.partial_cmp(&orient(v, p, q)).unwrap_or(Ordering::Equal))
+}
+
+/// Adds the pairs of the last of `covering` with those before it.
+fn both(covering: &[u32], pairs: &mut BTreeSet<[u32; 2]>) {
+    if let Some((&last, before)) = covering.split_last() {
+        pairs.extend(before.iter().map(|&part| [part.min(last), part.max(last)]));
+    }
 }
 
 /// A segment that may lie inside another part.
@@ -117,16 +125,24 @@ impl<'o, 'a> Around<'o, 'a> {
                     None => parts.push((ray.part, ray.sign)),
                 }
             }
-            // rays alternate, so the last of a part opens what covers the right, if it opens
-            let mut covered: i32 = parts.iter().map(|&(_, last)| i32::from(last == 1)).sum();
-            let mut most = covered;
-            for ray in rays {
-                covered += ray.sign;
-                most = most.max(covered);
+            // rays alternate, so a part whose last ray opens covers the right
+            let mut covering: Vec<u32> = parts.iter().filter(|p| p.1 == 1).map(|p| p.0).collect();
+            let mut pairs = BTreeSet::new();
+            for k in 2..=covering.len() {
+                both(&covering[..k], &mut pairs);
             }
-            if most > 1 {
+            for ray in rays {
+                if ray.sign == 1 {
+                    covering.push(ray.part);
+                    both(&covering, &mut pairs);
+                } else {
+                    covering.retain(|&part| part != ray.part);
+                }
+            }
+            if !pairs.is_empty() {
                 for ray in rays {
-                    suspects.extend(parts.iter().filter(|p| p.0 != ray.part).map(|p| (ray.segment, p.0)));
+                    let of_pair = |&&[p, q]: &&[u32; 2]| p == ray.part || q == ray.part;
+                    suspects.extend(pairs.iter().filter(of_pair).map(|&[p, q]| (ray.segment, p + q - ray.part)));
                 }
             }
         }
