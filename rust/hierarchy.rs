@@ -137,7 +137,7 @@ pub struct Level {
 pub(crate) struct Pool<'a> {
     pub(crate) candidates: Candidates<'a>,
     /// Candidate of the finest pool, by candidate of this one.
-    members: Vec<u32>,
+    pub(crate) members: Vec<u32>,
     /// f at the candidates, of the level that the pool is made for; empty in the finest.
     f: Vec<f64>,
     /// Candidates looked at to make it.
@@ -149,8 +149,8 @@ pub(crate) struct Chosen {
     /// f by candidate.
     f: Vec<f64>,
     /// Places of the interior candidates.
-    places: Vec<Place>,
-    pool: usize,
+    pub(crate) places: Vec<Place>,
+    pub(crate) pool: usize,
 }
 
 /// A level before it is written in the input's terms.
@@ -181,8 +181,6 @@ pub(crate) struct Builder<'a> {
     lag: usize,
     euler: i64,
     pub(crate) pools: Vec<Pool<'a>>,
-    /// Interior nodes that every pool has, by node; empty where there are none.
-    pub(crate) forced: Vec<bool>,
     /// Candidate of a node in the pool at hand.
     pub(crate) candidate_of: Vec<u32>,
     pub(crate) at_hand: usize,
@@ -230,15 +228,17 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
             (builder.drop_levels(1, depth)?.0, Stopped::Levels)
         }
         Drop::Auto => {
-            let (last, is_enough) = builder.last_worth_keeping()?;
+            let (last, is_enough, inside) = builder.last_worth_keeping()?;
             let mut plain = base.builder(None)?;
+            if let Some(inside) = inside {
+                plain.draw_from(inside);
+            }
             let depth = match options.levels {
                 Some(levels) => levels,
                 None if is_enough => last,
                 None => plain.drop_depth()?.max(last + 1),
             };
             let (dropped, seeds) = plain.drop_levels(last + 1, depth)?;
-            builder.force(&seeds.interior);
             let mut levels = builder.levels(last, seeds)?;
             levels.extend(dropped);
             (levels, Stopped::Levels)
@@ -294,7 +294,6 @@ impl<'a> Base<'a> {
             candidate_of: vec![NONE; input.points.len()],
             at_hand: usize::MAX,
             pools: vec![Pool { candidates, members, f: Vec::new(), visits: 0 }],
-            forced: Vec::new(),
             input,
             options: self.options,
             progress: self.progress,
@@ -372,13 +371,10 @@ impl Builder<'_> {
             let f = self.spacing_in(level, last)?;
             let finer = self.factor(self.lag);
             let scaled: Vec<f64> = f.iter().map(|value| value / finer).collect();
-            let is_forced = |&k: &u32| self.forced.get(last.candidates.nodes[k as usize] as usize) == Some(&true);
-            let (keep, mut order): (Vec<u32>, Vec<u32>) =
-                (facets as u32..last.members.len() as u32).partition(is_forced);
+            let mut order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
             rank(&mut order, &f);
             let mut chosen =
-                greedy(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &keep, self.progress)?;
-            chosen.extend(keep);
+                greedy(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
             // ascending, so that the spatial order of the finest pool stays
             chosen.sort_unstable();
             let picked: Vec<u32> = (0..facets as u32).chain(chosen).collect();
@@ -391,7 +387,7 @@ impl Builder<'_> {
                 },
                 members: picked.iter().map(|&k| last.members[k as usize]).collect(),
                 f: picked.iter().map(|&k| f[k as usize]).collect(),
-                visits: last.members.len() - facets,
+                visits: order.len(),
             };
             self.pools.push(pool);
         }

@@ -4,7 +4,7 @@ use super::{Ground, select};
 use crate::error::Error;
 use crate::hierarchy::{Builder, Level, MAX_LEVELS};
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, LevelMesh};
+use crate::level::{Candidates, Choice, LevelMesh, Place};
 use crate::point::Point;
 use std::borrow::Cow;
 
@@ -35,23 +35,29 @@ impl Plan {
 
 impl Builder<'_> {
     /// The number of levels that keep features and still take a good part of the cells away: a quarter for a factor of 2,
-    /// a third of what an unbounded domain would lose for any other. Also whether they are enough.
-    pub(crate) fn last_worth_keeping(&mut self) -> Result<(usize, bool), Error> {
+    /// a third of what an unbounded domain would lose for any other. Also whether they are enough, and the candidates (of
+    /// the finest pool) that the last of them may keep: coarser levels are to draw from these, as it keeps their nodes.
+    pub(crate) fn last_worth_keeping(&mut self) -> Result<(usize, bool, Option<Vec<u32>>), Error> {
         let share = 1.0 - (1.0 - self.options.factor.powi(-2)) / 3.0;
         let most = self.options.levels.unwrap_or(MAX_LEVELS);
         let mut before = self.input.cells.len();
+        let mut inside = None;
         for i in 1..=most {
             let chosen = self.choose(i, &Choice::default())?;
             let now = self.n_cells(&chosen.choice);
             if now as f64 > share * before as f64 {
-                return Ok((i - 1, false));
+                return Ok((i - 1, false, inside));
             }
             if self.options.levels.is_none() && now <= self.options.coarsest {
-                return Ok((i, true));
+                return Ok((i, true, inside));
             }
             before = now;
+            let facets = self.domain.len();
+            let is_inside = |k: &usize| *k < facets || chosen.places[*k - facets] == Place::Inside;
+            let members = &self.pools[chosen.pool].members;
+            inside = Some((0..members.len()).filter(is_inside).map(|k| members[k]).collect());
         }
-        Ok((most, true))
+        Ok((most, true, inside))
     }
 
     /// The first level whose nodes are so few that no triangulation of them has more than `coarsest` cells.
@@ -176,10 +182,13 @@ impl Builder<'_> {
         Err(Error::Internal("no level of the domain has a cell".into()))
     }
 
-    /// Makes pools anew that all have certain interior nodes.
-    pub(crate) fn force(&mut self, nodes: &[u32]) {
-        self.forced = vec![false; self.input.points.len()];
-        nodes.iter().for_each(|&node| self.forced[node as usize] = true);
+    /// Lets all levels draw from certain candidates of the finest pool only.
+    pub(crate) fn draw_from(&mut self, members: Vec<u32>) {
+        let finest = &mut self.pools[0];
+        let points: Vec<Point<2>> = members.iter().map(|&k| finest.candidates.points[k as usize]).collect();
+        let nodes = members.iter().map(|&k| finest.candidates.nodes[k as usize]).collect();
+        finest.candidates = Candidates { tree: Cow::Owned(KdTree::new(&points)), points, nodes };
+        finest.members = members;
         self.pools.truncate(1);
         self.at_hand = usize::MAX;
     }
