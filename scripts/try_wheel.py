@@ -9,10 +9,29 @@ import venv
 from pathlib import Path
 
 TRIAL = """
+import pickle, sys
 import numpy as np
 import coarsen
 
-assert coarsen.__version__
+mesh = coarsen.gallery.square(2000)
+h = coarsen.hierarchy(mesh)
+assert len(h) > 3 and h[-1].mesh.n_cells <= 100, h
+assert all(np.array_equal(level.mesh.points, mesh.points[level.nodes]) for level in h)
+assert all(set(coarse.nodes) <= set(fine.nodes) for fine, coarse in zip(h, h[1:]))
+assert coarsen.hierarchy(mesh, threads=1) == h == pickle.loads(pickle.dumps(h))
+assert h.check() and h.summary()
+try:
+    coarsen.Mesh([[0, 0], [1, 0], [2, 0]], [[0, 1, 2]])
+except coarsen.MeshError as error:
+    assert "zero area" in str(error), error
+else:
+    raise AssertionError("a flat cell was taken")
+for absent in ("scipy", "matplotlib", "meshio"):
+    assert absent not in sys.modules
+try:
+    h.prolongation(1)
+except ImportError as error:
+    assert "coarsen-mesh[" in str(error), error  # says what to install
 """
 
 

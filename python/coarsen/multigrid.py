@@ -85,8 +85,11 @@ def pyamg_solver(
     >>> solver = pyamg_solver(laplacian(mesh), coarsen.hierarchy(mesh), dirichlet="boundary")
     >>> x = solver.solve(np.ones(solver.levels[0].A.shape[0]), tol=1e-8, accel="cg")
     """
-    from pyamg.multilevel import MultilevelSolver
-    from pyamg.relaxation.smoothing import change_smoothers
+    try:
+        from pyamg.multilevel import MultilevelSolver
+        from pyamg.relaxation.smoothing import change_smoothers
+    except ImportError:
+        raise ImportError("the solver is PyAMG's: pip install 'coarsen-mesh[multigrid]'") from None
 
     made = stages(
         A, hierarchy, free, dirichlet=dirichlet, block_size=block_size, operators=operators, max_coarse=max_coarse

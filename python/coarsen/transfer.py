@@ -232,7 +232,10 @@ def _locate_on_line(mesh: Mesh, coarse: Mesh, shared: NDArray[np.int64]) -> Loca
 
 def _csr(rows: tuple[Any, Any, Any], columns: int) -> csr_matrix:
     """Wrap sorted rows, without a copy."""
-    from scipy.sparse import csr_matrix
+    try:
+        from scipy.sparse import csr_matrix
+    except ImportError:
+        raise ImportError("operators are SciPy matrices: pip install 'coarsen-mesh[multigrid]'") from None
 
     indptr, indices, values = rows
     matrix = csr_matrix((values, indices, indptr), shape=(len(indptr) - 1, columns), copy=False)
