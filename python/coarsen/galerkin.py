@@ -7,9 +7,9 @@ On top of the hierarchy's own prolongations, three things that solvers need:
   coarse value, and what varies along the inlet would be out of reach of every coarse level. These nodes are aggregated
   instead, with Jacobi-smoothed interpolation (Vanek, Mandel, Brezina 1996), on and on with the levels.
 - Where nothing but one unknown is held, and the matrix has the constants in its null space (all boundaries natural),
-  the one held unknown is only a choice of the constant. The coarse levels then work on the whole, singular problem, and the
-  constant is chosen on the finest level: holding a single node on every level would slow all of them down, by the
-  logarithm of their size.
+  the one held unknown is only a choice of the constant. The coarse levels then work on the whole, singular problem,
+  and the constant is chosen on the finest level: holding a single node on every level would slow all of them down, by
+  the logarithm of their size.
 """
 
 from __future__ import annotations
