@@ -340,15 +340,7 @@ impl Builder<'_> {
     pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
         let factor = self.factor(i);
         match &self.spacing {
-            Spacing::Function(spacing) => {
-                // leaf order is spatial, whatever the order of the candidates
-                let in_leaves = spacing.at_sorted(factor, pool.candidates.tree.points(), self.progress)?;
-                let mut f = vec![0.0; in_leaves.len()];
-                for (&k, value) in pool.candidates.tree.order().iter().zip(in_leaves) {
-                    f[k as usize] = value;
-                }
-                Ok(f)
-            }
+            Spacing::Function(spacing) => spacing.at_tree(factor, &pool.candidates.tree, self.progress),
             Spacing::Threshold { g, held } => {
                 let own = threshold(g, factor);
                 Ok(pool.members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect())

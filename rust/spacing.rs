@@ -34,16 +34,16 @@ pub fn nearest<const D: usize>(tree: &KdTree<D>, progress: &Progress) -> Result<
 
 /// NN_P anywhere: the radius of the smallest closed ball about x that holds two points of P at different locations.
 pub fn nearest_at<const D: usize>(tree: &KdTree<D>, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
-    in_order_of(at, |queries| {
-        in_blocks(queries, progress, |points, found| {
-            for (x, value) in points.iter().zip(found) {
-                *value = match tree.nearest(x, None).1 {
-                    Some(first) => tree.nearest(x, Some(&tree.points()[first])).0.sqrt(),
-                    None => f64::INFINITY,
-                };
-            }
-        })
-    })
+    let queries = KdTree::new(at);
+    let in_leaf_order = in_blocks(queries.points(), progress, |points, found| {
+        for (x, value) in points.iter().zip(found) {
+            *value = match tree.nearest(x, None).1 {
+                Some(first) => tree.nearest(x, Some(&tree.points()[first])).0.sqrt(),
+                None => f64::INFINITY,
+            };
+        }
+    })?;
+    Ok(by_index(&queries, &in_leaf_order))
 }
 
 /// max(g, C min g) (Definition 3.4).
@@ -90,7 +90,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     }
 
     /// f at every point of the tree, in leaf order.
-    pub fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
+    fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
         let level = self.level(factor);
         by_leaves(self.tree, progress, |leaves, mut found| {
             let mut winner = None;
@@ -103,13 +103,21 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         })
     }
 
+    /// f at the points of a tree, by original index: this spacing's own (then as [`CoarseSpacing::at_points`]) or another.
+    pub fn at_tree(&self, factor: f64, at: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
+        if std::ptr::eq(at, self.tree) {
+            return self.at_points(factor, progress);
+        }
+        Ok(by_index(at, &self.at_sorted(factor, at.points(), progress)?))
+    }
+
     /// f at any locations; fast when many neighbours are asked for together, in any order.
     pub fn at(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
-        in_order_of(at, |queries| self.at_sorted(factor, queries, progress))
+        self.at_tree(factor, &KdTree::new(at), progress)
     }
 
     /// f at locations that already are in some spatial order.
-    pub fn at_sorted(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
+    fn at_sorted(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
         let level = self.level(factor);
         in_blocks(at, progress, |points, found| {
             let mut winner = None;
@@ -301,15 +309,6 @@ fn in_blocks<const D: usize>(
         Ok(())
     })?;
     Ok(found)
-}
-
-/// Brings queries into the leaf order of a tree of their own and their answers back.
-fn in_order_of<const D: usize>(
-    at: &[Point<D>],
-    answers: impl FnOnce(&[Point<D>]) -> Result<Vec<f64>, Error>,
-) -> Result<Vec<f64>, Error> {
-    let tree = KdTree::new(at);
-    Ok(by_index(&tree, &answers(tree.points())?))
 }
 
 /// From leaf order to the original order.
