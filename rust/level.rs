@@ -93,10 +93,8 @@ pub fn select(
     let mut kept: Vec<bool> =
         (0..facets).map(|v| domain.corner[v] || seeds.kept.get(v).copied().unwrap_or(false)).collect();
     let mut held = seeds.held.clone();
-    if rules.hold {
-        let held: Vec<(u32, f64)> = held.iter().map(|&(node, room)| (candidate_of(node), room)).collect();
-        lower(candidates, f, &held, rules.gradation);
-    }
+    let rooms: Vec<(u32, f64)> = held.iter().map(|&(node, room)| (candidate_of(node), room)).collect();
+    lower(candidates, f, &rooms, rules.gradation);
     let mut round = 0;
     let chords = loop {
         let (mut keep, mut order): (Vec<u32>, Vec<u32>) = (0..facets as u32).partition(|&v| kept[v as usize]);

@@ -9,6 +9,7 @@ use crate::hierarchy::{Level, Options, STALL, Stopped};
 use crate::level::{Choice, assemble, triangulate};
 use crate::point::Point;
 use crate::progress::Progress;
+use std::borrow::Cow;
 
 /// Builds the levels, finest first. `cells` are the input's; no spacing is known of these levels.
 pub fn hierarchy(
@@ -24,6 +25,8 @@ pub fn hierarchy(
     }
     let first_copy = |node: u32| vertex_of.get(&node).map_or(node, |&v| domain.copies(v)[0]);
     let mut cells: Vec<[u32; 3]> = cells.to_vec();
+    // what is put back must be of the finer level, so its chains are those at hand
+    let mut thin = Cow::Borrowed(domain);
     let mut levels: Vec<Level> = Vec::new();
     loop {
         if let Some(stopped) = options.enough(levels.len(), cells.len()) {
@@ -53,15 +56,16 @@ pub fn hierarchy(
         interior.retain(|&node| chosen[node as usize]);
         let mut kept: Vec<bool> = (0..domain.len()).map(|v| chosen[domain.copies(v as u32)[0] as usize]).collect();
         let obstacles: Vec<Point<2>> = interior.iter().map(|&node| points[node as usize]).collect();
-        let chords = domain.repair(&mut kept, &obstacles, false);
+        let chords = thin.repair(&mut kept, &obstacles, false);
         progress.enter(3, 1)?;
         let mut choice = Choice { kept, interior, chords, held: Vec::new() };
-        let level = triangulate(domain, points, &mut choice)?;
-        let mesh = assemble(domain, &choice, &level)?;
+        let level = triangulate(&thin, points, &mut choice)?;
+        let mesh = assemble(&thin, &choice, &level)?;
         if options.levels.is_none() && mesh.cells.len() as f64 > STALL * cells.len() as f64 {
             return Ok((levels, Stopped::Stalled));
         }
         cells = mesh.cells.iter().map(|cell| cell.map(|k| mesh.nodes[k as usize])).collect();
+        thin = Cow::Owned(thin.thinned(&choice.kept));
         let visits = edges.len();
         levels.push(Level {
             factor: options.factor.powi(levels.len() as i32 + 1),

@@ -51,6 +51,7 @@ impl Domain {
         loop {
             let chords = self.chords(kept);
             let mut bad = self.offending(&chords, kept, obstacles, |_| true);
+            bad.extend(self.joined(&chords));
             if bad.is_empty() && wide {
                 bad = self.narrow(&chords);
             }
@@ -63,11 +64,11 @@ impl Domain {
         }
     }
 
-    /// A closed chain needs three vertices, an open one its ends, and a slit whose sides share both ends one between.
+    /// A loop needs three vertices, an open chain its ends, and a slit whose sides share both ends one between.
     fn keep_enough(&self, kept: &mut [bool]) {
         for chain in &self.chains {
-            if !chain.closed {
-                let last = chain.vertices.len() - 1;
+            let last = chain.vertices.len() - 1;
+            if !chain.closed && chain.vertices[0] != chain.vertices[last] {
                 kept[chain.vertices[0] as usize] = true;
                 kept[chain.vertices[last] as usize] = true;
                 let ([left, right], [left_end, right_end]) = (chain.edges[0].sides, chain.edges[last - 1].sides);
@@ -79,7 +80,10 @@ impl Domain {
                 }
                 continue;
             }
-            let mut held: Vec<u32> = chain.vertices.iter().copied().filter(|&v| kept[v as usize]).take(3).collect();
+            kept[chain.vertices[last] as usize] |= !chain.closed;
+            // the junction at both ends of a loop counts once
+            let distinct = &chain.vertices[usize::from(!chain.closed)..];
+            let mut held: Vec<u32> = distinct.iter().copied().filter(|&v| kept[v as usize]).take(3).collect();
             while held.len() < 3 {
                 let far = match held[..] {
                     [] => chain.vertices[0],
@@ -250,6 +254,24 @@ impl Domain {
             (None, Some(_)) => Some(two.1),
             (None, None) => None,
         }
+    }
+
+    /// Chords of slits that have the same nodes on both sides: the slit would be an edge like any other.
+    ///
+    /// ```text
+    ///          a'
+    ///     u --------- v    u, v have one copy each: a, a' must stay
+    ///          a
+    /// ```
+    fn joined(&self, chords: &[Chord]) -> impl Iterator<Item = u32> {
+        (0u32..).zip(chords).filter(|(_, chord)| self.is_joined(chord)).map(|(i, _)| i)
+    }
+
+    fn is_joined(&self, chord: &Chord) -> bool {
+        let chain = &self.chains[chord.chain as usize];
+        let (first, last) = (chain.edge(chord.from), chain.edge(chord.to - 1));
+        let [a, b] = [first.sides[0].tail, last.sides[0].head];
+        !first.interior && a == first.sides[1].tail && b == last.sides[1].head
     }
 
     /// Closed chains whose chords run the other way round: their most deviating chord is split.

@@ -124,7 +124,7 @@ pub struct FacetRow {
 }
 
 /// The facets of a mesh.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Domain {
     /// Coordinates of the facet vertices.
     pub points: Vec<Point<2>>,
@@ -185,6 +185,37 @@ impl Domain {
     /// All facet nodes, ascending within a vertex.
     pub fn nodes(&self) -> &[u32] {
         &self.copies
+    }
+
+    /// The same facets drawn through kept vertices only, which must be enough for all chains.
+    pub fn thinned(&self, kept: &[bool]) -> Domain {
+        let mut thin = self.clone();
+        for ((chain, old), c) in thin.chains.iter_mut().zip(&self.chains).zip(0..) {
+            *chain = Chain { vertices: Vec::new(), edges: Vec::new(), arc: vec![0.0], closed: old.closed };
+            let mut positions: Vec<u32> =
+                (0..old.vertices.len() as u32).filter(|&k| kept[old.vertex(k) as usize]).collect();
+            chain.vertices.extend(positions.iter().map(|&k| old.vertex(k)));
+            if old.closed {
+                positions.extend(positions.first().map(|k| k + old.vertices.len() as u32));
+            }
+            let mut total = 0.0;
+            for pair in positions.windows(2) {
+                let (first, last) = (old.edge(pair[0]), old.edge(pair[1] - 1));
+                let vertices = [first.vertices[0], last.vertices[1]];
+                let sides = [0, 1].map(|s| Side { head: last.sides[s].head, ..first.sides[s] });
+                chain.edges.push(FacetEdge { vertices, sides, ..*first });
+                let [u, v] = vertices.map(|v| self.points[v as usize]);
+                total += distance(&u, &v);
+                chain.arc.push(total);
+            }
+            for (&v, k) in chain.vertices.iter().zip(0..) {
+                let place = &mut thin.place[v as usize];
+                if place.0 == c {
+                    place.1 = k;
+                }
+            }
+        }
+        thin
     }
 
     fn trace(&mut self, edges: &[FacetEdge]) {
