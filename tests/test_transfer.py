@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 pytest.importorskip("scipy")
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 
 import coarsen
-from coarsen import _core, transfer
+from coarsen import _core, reference, transfer
 
 SEED = 20_24
 
@@ -499,4 +499,52 @@ def test_real_domains_are_interpolated_part_by_part(meshes, name, features):
             if (a, b) not in joined
         ]
         assert set(strange) <= set(transfer.locate(h, i - 1, i).lost.tolist())
+    assert h.transfer_report().without_image == 0
+
+
+# --- the twins -------------------------------------------------------------------------------------------------------
+
+SMALL = {
+    "square": lambda: coarsen.gallery.square(300, seed=1),
+    "crack": lambda: coarsen.gallery.crack_plate(300),
+    "bent crack": lambda: bent(coarsen.gallery.crack_plate(400)),
+    "ring": lambda: coarsen.gallery.ring(400),
+    "holes": lambda: coarsen.gallery.plate_with_holes(500, (2, 2)),
+    "coast": lambda: coarsen.gallery.coast(600),
+}
+
+
+@pytest.mark.parametrize("features", FEATURES)
+@pytest.mark.parametrize("name", SMALL)
+def test_the_twins_agree(name, features):
+    h = coarsen.hierarchy(SMALL[name](), features=features)
+    for i in range(1, len(h)):
+        fine, coarse = h[i - 1].mesh, h[i].mesh
+        shared = transfer.shared_nodes(h, i - 1, i)
+        pair = (fine.points, fine.cells, coarse.points, coarse.cells, shared, None)
+        (rust, outside, distance, lost), (numpy, *others) = _core.prolongation(*pair), reference.prolongation(*pair)
+        shape = (fine.n_points, coarse.n_points)
+        matrices = [csr_matrix((rows[2], rows[1], rows[0]), shape=shape) for rows in (rust, numpy)]
+        np.testing.assert_allclose(matrices[0].toarray(), matrices[1].toarray(), atol=1e-11)
+        assert (outside == others[0]).all()
+        np.testing.assert_allclose(distance, others[1], rtol=1e-9)
+        assert (lost == others[2]).all()
+        areas = [
+            csr_matrix((rows[2], rows[1], rows[0]), shape=(fine.n_cells, coarse.n_cells)).toarray()
+            for rows in (_core.overlap(*pair), reference.overlap(*pair))
+        ]
+        np.testing.assert_allclose(areas[0], areas[1], atol=1e-12 * areas[0].max())
+        products = []
+        A = (identity(fine.n_points) * 3 + diags([1.0, -0.5], [1, -2], shape=(fine.n_points,) * 2)).tocsr()
+        A.indices, A.indptr = A.indices.astype(np.int32), A.indptr.astype(np.int32)
+        for core in (_core, reference):
+            rows = core.galerkin(A, matrices[0], 0.05, None)[1]
+            products.append(csr_matrix((rows[2], rows[1], rows[0]), shape=(coarse.n_points,) * 2).toarray())
+        np.testing.assert_allclose(*products, atol=1e-12)
+
+
+def test_hierarchies_of_the_reference_have_operators_too():
+    h = coarsen.hierarchy(coarsen.gallery.square(200), backend="numpy", coarsest=50)
+    for i in range(1, len(h)):
+        assert_is_interpolation(h.prolongation(i), h[i - 1].mesh, h[i].mesh)
     assert h.transfer_report().without_image == 0

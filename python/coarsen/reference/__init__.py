@@ -9,17 +9,21 @@ from .line import line_hierarchy
 from .quadtree import quadtree
 from .selection import conflict_graph, independent_set, skeleton_independent_set
 from .spacing import coarsened, nearest, nearest_at, threshold
+from .transfer import galerkin, overlap, prolongation
 from .triangulation import delaunay
 
 __all__ = [
     "coarsened",
     "conflict_graph",
     "delaunay",
+    "galerkin",
     "hierarchy",
     "independent_set",
     "line_hierarchy",
     "nearest",
     "nearest_at",
+    "overlap",
+    "prolongation",
     "quadtree",
     "skeleton_independent_set",
     "threshold",

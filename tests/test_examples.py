@@ -1,0 +1,48 @@
+"""Every example runs, prints its table, draws its picture, and shows what it promises."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("scipy")
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+MOST_LINES = 100
+NEEDS_PYAMG = {"crack_poisson": 8, "interface_jump": 25, "elastic_plate": 25, "ocean_waves": 20}
+"""The solvers, and how many iterations they take at most."""
+
+
+def run(name, size, folder, capsys):
+    path = EXAMPLES / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    picture = folder / f"{name}.png"
+    result = module.main(size, picture)
+    assert len(capsys.readouterr().out.splitlines()) >= 3
+    assert picture.stat().st_size > 10_000
+    assert len(path.read_text().splitlines()) < MOST_LINES
+    return result
+
+
+@pytest.mark.parametrize("name", NEEDS_PYAMG)
+def test_the_example_solves_in_few_iterations(name, tmp_path, capsys):
+    pytest.importorskip("pyamg")
+    assert max(run(name, 4000, tmp_path, capsys)) <= NEEDS_PYAMG[name]
+
+
+def test_a_message_reaches_far_over_the_coarse_levels(tmp_path, capsys):
+    alone, over_levels = run("multiscale_graph", 2000, tmp_path, capsys)
+    assert alone < 10
+    assert over_levels > 50 * alone
+
+
+def test_every_example_is_tested():
+    # e1_ ... are the pages of the documentation's gallery, which its build runs
+    own = {path.stem for path in EXAMPLES.glob("*.py") if not re.match(r"e\d", path.stem)}
+    assert own == {*NEEDS_PYAMG, "multiscale_graph"}
