@@ -12,7 +12,11 @@ RUST = ROOT / "rust"
 PYTHON = ROOT / "python" / "coarsen"
 FLOORS = [name for name in re.findall(r"^(?:pub )?mod (\w+);", (RUST / "lib.rs").read_text(), re.M) if name != "python"]
 ONE_FLOOR = {"drop", "hierarchy", "skeleton"}  # three ways to build the same levels, which share options and results
-SOURCES = [path for path in sorted(RUST.rglob("*.rs")) if path.name != "lib.rs" and "tests" not in path.parts]
+SOURCES = [
+    path
+    for path in sorted(RUST.rglob("*.rs"))
+    if path.name != "lib.rs" and not {"tests", "examples"} & set(path.relative_to(RUST).parts)
+]
 
 
 def code(path: Path) -> str:
