@@ -51,6 +51,7 @@ def repair(domain: Domain, kept: Bools, obstacles: Floats, wide: bool) -> list[C
     while True:
         chords = chords_of(domain, kept)
         bad = _offending(domain, chords, kept, obstacles)
+        bad += [c for c, chord in enumerate(chords) if _is_joined(domain, chord)]
         if not bad and wide:
             bad = _narrow(domain, chords)
         if not bad:
@@ -82,9 +83,9 @@ def _farthest(domain: Domain, vertices: list[int], a: int, b: int) -> tuple[int,
 
 
 def _keep_enough(domain: Domain, kept: Bools) -> None:
-    """Keep three vertices of a closed chain, the ends of an open one, and one more of a slit with both ends shared."""
+    """Keep three vertices of a loop, the ends of an open chain, and one more of a slit with both ends shared."""
     for chain in domain.chains:
-        if not chain.closed:
+        if not chain.closed and chain.vertices[0] != chain.vertices[-1]:
             kept[[chain.vertices[0], chain.vertices[-1]]] = True
             (left, right), (left_end, right_end) = chain.edges[0].sides, chain.edges[-1].sides
             is_slit = not chain.edges[0].interior and left.tail == right.tail and left_end.head == right_end.head
@@ -93,11 +94,21 @@ def _keep_enough(domain: Domain, kept: Bools) -> None:
                 middle = int(np.searchsorted(chain.arc, chain.length / 2.0))
                 kept[chain.vertices[min(max(middle, 1), last - 1)]] = True
             continue
-        held = [v for v in chain.vertices if kept[v]][:3]
+        kept[chain.vertices[-1]] |= not chain.closed
+        # the junction at both ends of a loop counts once
+        held = [v for v in (chain.vertices if chain.closed else chain.vertices[1:]) if kept[v]][:3]
         while len(held) < 3:
             others = [v for v in chain.vertices if v not in held[:2]]
             held.append(_farthest(domain, others, held[0], held[min(1, len(held) - 1)])[0] if held else others[0])
             kept[held[-1]] = True
+
+
+def _is_joined(domain: Domain, chord: Chord) -> bool:
+    """Whether a chord of a slit has the same nodes on both sides: the slit would be an edge like any other."""
+    chain = domain.chains[chord.chain]
+    first, last = chain.edge(chord.start), chain.edge(chord.stop - 1)
+    (left, right), (left_end, right_end) = first.sides, last.sides
+    return not first.interior and left.tail == right.tail and left_end.head == right_end.head
 
 
 def _offending(domain: Domain, chords: list[Chord], kept: Bools, obstacles: Floats) -> list[int]:

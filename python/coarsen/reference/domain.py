@@ -11,6 +11,8 @@ is fixed or the chain turns by more than `feature_angle`.
 
 from __future__ import annotations
 
+import copy
+import itertools
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -146,6 +148,26 @@ class Domain:
 
     def __len__(self) -> int:
         return len(self.copies)
+
+    def thinned(self, kept: Bools) -> Domain:
+        """Return the same facets drawn through kept vertices only, which must be enough for all chains."""
+        thin = copy.copy(self)
+        thin.chains = [self._thinned(chain, kept) for chain in self.chains]
+        return thin
+
+    def _thinned(self, chain: Chain, kept: Bools) -> Chain:
+        positions = [k for k, v in enumerate(chain.vertices) if kept[v]]
+        vertices = [chain.vertices[k] for k in positions]
+        if chain.closed:
+            positions.append(positions[0] + len(chain.vertices))
+        edges, arc = [], [0.0]
+        for start, stop in itertools.pairwise(positions):
+            first, last = chain.edge(start), chain.edge(stop - 1)
+            left, right = (replace(one, head=other.head) for one, other in zip(first.sides, last.sides, strict=True))
+            ends = (first.vertices[0], last.vertices[1])
+            edges.append(FacetEdge(ends, (left, right), first.interior))
+            arc.append(arc[-1] + float(distance(self.points[ends[0]], self.points[ends[1]])))
+        return Chain(vertices, edges, np.array(arc), chain.closed)
 
     def _trace(self, edges: list[FacetEdge]) -> list[Chain]:
         around: list[list[int]] = [[] for _ in self.copies]

@@ -87,9 +87,8 @@ def select(
     seeded = candidate_of[seeds.interior]
     kept = domain.corner | seeds.kept
     choice = Choice(kept, held=dict(seeds.held))
-    if rules.hold:
-        held = {int(candidate_of[node]): room for node, room in choice.held.items()}
-        f = lowered(candidates, f, held, rules.gradation)
+    held = {int(candidate_of[node]): room for node, room in choice.held.items()}
+    f = lowered(candidates, f, held, rules.gradation)
     for round_ in range(1, MOST_ROUNDS + 1):
         keep = np.concatenate([np.flatnonzero(kept), seeded])
         order = rank(np.flatnonzero(~kept), f)

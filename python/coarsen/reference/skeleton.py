@@ -26,6 +26,8 @@ def skeleton_levels(points: Floats, cells: Ints, domain: Domain, options: Option
     for copies in domain.copies:
         first[copies] = copies[0]
     on_facet = {copies[0] for copies in domain.copies}
+    # what is put back must be of the finer level, so its chains are those at hand
+    thin = domain
     levels: list[dict[str, Any]] = []
     while True:
         stopped = enough(options, len(levels), len(cells))
@@ -46,10 +48,11 @@ def skeleton_levels(points: Floats, cells: Ints, domain: Domain, options: Option
                 blocked.update(around[node])
         inside = np.array([node for node in interior if node in chosen], np.int64)
         kept = np.array([copies[0] in chosen for copies in domain.copies], np.bool_)
-        chords = repair(domain, kept, points[inside], wide=False)
+        chords = repair(thin, kept, points[inside], wide=False)
         choice = Choice(kept, inside, chords)
-        mesh = assemble(domain, choice, triangulate(domain, points, choice))
+        mesh = assemble(thin, choice, triangulate(thin, points, choice))
         if options.levels is None and len(mesh.cells) > STALL * len(cells):
             return levels, "stalled"
         cells = mesh.nodes[mesh.cells]
+        thin = thin.thinned(choice.kept)
         levels.append(as_dict(mesh, power(options.factor, len(levels) + 1), np.empty(0), len(edges)))
