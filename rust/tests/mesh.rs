@@ -114,10 +114,13 @@ proptest! {
     }
 }
 
+/// What breaks a mesh: changes points or cells.
+type Breaking = dyn Fn(&mut Vec<Point<2>>, &mut Vec<[i64; 3]>);
+
 #[test]
 fn each_defect_is_called_by_its_name() {
     let (points, cells) = lattice(3, 0b1011);
-    let broken = |change: &dyn Fn(&mut Vec<Point<2>>, &mut Vec<[i64; 3]>)| {
+    let broken = |change: &Breaking| {
         let (mut points, mut cells) = (points.clone(), cells.clone());
         change(&mut points, &mut cells);
         rule(check(&points, &cells, None, None))
