@@ -22,6 +22,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+# before NumPy is there: on a busy machine, threads of a BLAS that wait for each other slow PyAMG down a hundredfold
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import coarsen
 import inputs
 import rivals

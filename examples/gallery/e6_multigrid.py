@@ -2,7 +2,7 @@
 Solve with it
 =============
 
-A geometric multigrid solver in thirty lines: the levels' operators are the products of the prolongations.
+A geometric multigrid solver in a few lines: the operator of a coarse level is P^T A P, with the prolongation P.
 """
 
 import matplotlib.pyplot as plt
