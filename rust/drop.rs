@@ -18,7 +18,7 @@ mod trim;
 use crate::domain::{Chord, Domain, Sight};
 use crate::error::Error;
 use crate::hierarchy::Input;
-use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, near_facets, rank};
+use crate::level::{Candidates, Choice, LevelMesh, Rules, rank, select_interior};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::greedy;
@@ -74,18 +74,7 @@ pub fn select(
     }
     let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
     let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
-
-    let places = near_facets(domain, candidates, f, &chords, rules.delta);
-    let mut is_seed = vec![false; candidates.nodes.len() - facets];
-    seeded.iter().for_each(|&k| is_seed[k as usize - facets] = true);
-    let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
-    keep.extend(&seeded);
-    let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
-    let mut order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
-    rank(&mut order, f);
-    let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
-    let mut interior = seeds.interior.clone();
-    interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
+    let (interior, _) = select_interior(domain, candidates, f, seeds, &seeded, &kept, &chords, rules, progress)?;
     Ok(Choice { kept, interior, chords, held: Vec::new() })
 }
 

@@ -158,7 +158,6 @@ struct Drawn {
     choice: Choice,
     f: Vec<f64>,
     level: Triangulated,
-    pool: usize,
 }
 
 pub(crate) enum Spacing<'a> {
@@ -416,7 +415,12 @@ impl Builder<'_> {
 
     /// Selects the nodes of level i.
     pub(crate) fn choose(&mut self, i: usize, seeds: &Choice) -> Result<Chosen, Error> {
-        let (mut f, p) = self.at_hand(i)?;
+        let (f, p) = self.at_hand(i)?;
+        self.choose_with(f, p, seeds)
+    }
+
+    /// Selects the nodes of the level whose f at the candidates of pool p, which is at hand, this is.
+    fn choose_with(&self, mut f: Vec<f64>, p: usize, seeds: &Choice) -> Result<Chosen, Error> {
         let pool = &self.pools[p];
         let candidate_of = |node: u32| self.candidate_of[node as usize];
         let (choice, places) =
@@ -447,7 +451,8 @@ impl Builder<'_> {
     /// Makes level i. Where cells stay narrow next to chords that can be split, it is drawn again with vertices put back
     /// there, and the better one kept.
     fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
-        let mut drawn = self.draw(i, seeds)?;
+        let (f, p) = self.at_hand(i)?;
+        let mut drawn = self.draw(f.clone(), p, seeds)?;
         if self.options.rules.hold && self.options.min_angle.is_some() {
             let mut seeds = seeds.clone();
             seeds.kept.resize(self.domain.len(), false);
@@ -457,14 +462,14 @@ impl Builder<'_> {
                     break;
                 }
                 back.iter().for_each(|&v| seeds.kept[v as usize] = true);
-                let again = self.draw(i, &seeds)?;
+                let again = self.draw(f.clone(), p, &seeds)?;
                 if narrow_cells(self.domain, &again.choice, &again.level).0 >= narrow {
                     break;
                 }
                 drawn = again;
             }
         }
-        let Drawn { choice, f, level, pool: p } = drawn;
+        let Drawn { choice, f, level } = drawn;
         let mesh = assemble(self.domain, &choice, &level)?;
         let mut copies = std::collections::HashMap::new();
         for v in (0..self.domain.len() as u32).filter(|&v| choice.kept[v as usize]) {
@@ -476,9 +481,9 @@ impl Builder<'_> {
         Ok((Level { mesh, factor: self.factor(i), spacing, visits, dropped: None }, choice))
     }
 
-    /// Selects, triangulates and betters level i.
-    fn draw(&mut self, i: usize, seeds: &Choice) -> Result<Drawn, Error> {
-        let Chosen { mut choice, mut f, places, pool: p } = self.choose(i, seeds)?;
+    /// Selects, triangulates and betters the level whose f at the candidates of pool p, which is at hand, this is.
+    fn draw(&self, f: Vec<f64>, p: usize, seeds: &Choice) -> Result<Drawn, Error> {
+        let Chosen { mut choice, mut f, places, .. } = self.choose_with(f, p, seeds)?;
         self.progress.enter(3, 1)?;
         let mut level = triangulate(self.domain, self.input.points, &mut choice)?;
         let pool = &self.pools[p];
@@ -502,7 +507,7 @@ impl Builder<'_> {
             lower(&pool.candidates, &mut f, &crowded, self.options.rules.gradation);
             choice.held.extend(crowded.iter().map(|&(k, room)| (pool.candidates.nodes[k as usize], room)));
         }
-        Ok(Drawn { choice, f, level, pool: p })
+        Ok(Drawn { choice, f, level })
     }
 
     /// A depth to begin a search with: pools tell it without a selection on the fine levels.

@@ -116,18 +116,37 @@ pub fn select(
         held.extend(crowded.iter().map(|&(v, room)| (candidates.nodes[v as usize], room)));
     };
 
-    let places = near_facets(domain, candidates, f, &chords, rules.delta);
+    let (interior, places) = select_interior(domain, candidates, f, seeds, &seeded, &kept, &chords, rules, progress)?;
+    Ok((Choice { kept, interior, chords, held }, places))
+}
+
+/// Steps (4) and (5): the seeds' interior nodes and those selected after them and the kept facet vertices, and the places
+/// of all interior candidates. `seeded` are the seeds' as candidates.
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn select_interior(
+    domain: &Domain,
+    candidates: &Candidates<'_>,
+    f: &[f64],
+    seeds: &Choice,
+    seeded: &[u32],
+    kept: &[bool],
+    chords: &[Chord],
+    rules: Rules,
+    progress: &Progress,
+) -> Result<(Vec<u32>, Vec<Place>), Error> {
+    let facets = domain.len();
+    let places = near_facets(domain, candidates, f, chords, rules.delta);
     let mut is_seed = vec![false; candidates.nodes.len() - facets];
     seeded.iter().for_each(|&k| is_seed[k as usize - facets] = true);
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
-    keep.extend(&seeded);
+    keep.extend(seeded);
     let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
     let mut order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
     rank(&mut order, f);
     let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
     let mut interior = seeds.interior.clone();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
-    Ok((Choice { kept, interior, chords, held }, places))
+    Ok((interior, places))
 }
 
 /// Rounds of selecting facet vertices, each after f was held down where the last left them crowded.
@@ -269,28 +288,43 @@ pub struct Triangulated {
     pub cells: Cells,
 }
 
+/// Sites of a choice in a spatial order, and their coordinates.
+pub(crate) fn sites_of(domain: &Domain, points: &[Point<2>], choice: &Choice) -> (Vec<u32>, Vec<Point<2>>) {
+    let facets = domain.len() as u32;
+    let mut sites: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
+    sites.extend(choice.interior.iter().map(|&node| facets + node));
+    let place = |s: u32| if s < facets { domain.points[s as usize] } else { points[(s - facets) as usize] };
+    sort_spatially(&mut sites, place);
+    let site_points = sites.iter().map(|&s| place(s)).collect();
+    (sites, site_points)
+}
+
+/// The chords of a choice as constraints between sites; `sides` tells on which sides of a chord cells lie.
+pub(crate) fn constraints_of(
+    domain: &Domain,
+    choice: &Choice,
+    sites: &[u32],
+    sides: impl Fn(&Chord) -> [bool; 2],
+) -> Vec<Constraint> {
+    let mut site_of = vec![NONE; domain.len()];
+    for (k, &s) in sites.iter().enumerate().filter(|&(_, &s)| (s as usize) < domain.len()) {
+        site_of[s as usize] = k as u32;
+    }
+    let constraint = |chord: &Chord| {
+        let [left, right] = sides(chord);
+        let wall = !domain.chains[chord.chain as usize].edge(chord.from).interior;
+        Constraint { ends: chord.vertices.map(|v| site_of[v as usize]), left, right, wall }
+    };
+    choice.chords.iter().map(constraint).collect()
+}
+
 /// Triangulates a choice; facet vertices are put back where a chord can't be an edge.
 pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) -> Result<Triangulated, Error> {
     loop {
-        let facets = domain.len() as u32;
-        let mut sites: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
-        sites.extend(choice.interior.iter().map(|&node| facets + node));
-        let place = |s: u32| if s < facets { domain.points[s as usize] } else { points[(s - facets) as usize] };
-        sort_spatially(&mut sites, place);
-        let site_points: Vec<Point<2>> = sites.iter().map(|&s| place(s)).collect();
-        let mut site_of = vec![NONE; domain.len()];
-        for (k, &s) in sites.iter().enumerate().filter(|&(_, &s)| s < facets) {
-            site_of[s as usize] = k as u32;
-        }
-        let constraints: Vec<Constraint> = choice
-            .chords
-            .iter()
-            .map(|chord| {
-                let edge = domain.chains[chord.chain as usize].edge(chord.from);
-                let [left, right] = edge.sides.map(|side| side.is_inside());
-                Constraint { ends: chord.vertices.map(|v| site_of[v as usize]), left, right, wall: !edge.interior }
-            })
-            .collect();
+        let (sites, site_points) = sites_of(domain, points, choice);
+        let constraints = constraints_of(domain, choice, &sites, |chord| {
+            domain.chains[chord.chain as usize].edge(chord.from).sides.map(|side| side.is_inside())
+        });
         match inside(&site_points, &constraints)? {
             Inside::Cells(cells) => return Ok(Triangulated { sites, points: site_points, cells }),
             Inside::Failed(failed) => {

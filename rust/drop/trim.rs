@@ -2,9 +2,9 @@
 
 use super::{Ground, area, centroid, sides};
 use crate::error::Error;
-use crate::level::Choice;
+use crate::level::{Choice, constraints_of, sites_of};
 use crate::point::{NONE, Point};
-use crate::triangulation::{Cells, Constraint, hull, sort_spatially};
+use crate::triangulation::{Cells, hull};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -31,26 +31,8 @@ impl Ground<'_> {
     /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all.
     pub fn triangulate(&self, choice: &Choice, f: &[f64]) -> Result<Option<Trimmed>, Error> {
         let domain = self.domain;
-        let facets = domain.len() as u32;
-        let mut sites: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
-        sites.extend(choice.interior.iter().map(|&node| facets + node));
-        let place =
-            |s: u32| if s < facets { domain.points[s as usize] } else { self.input.points[(s - facets) as usize] };
-        sort_spatially(&mut sites, place);
-        let points: Vec<Point<2>> = sites.iter().map(|&s| place(s)).collect();
-        let mut site_of = vec![NONE; domain.len()];
-        for (k, &s) in sites.iter().enumerate().filter(|&(_, &s)| s < facets) {
-            site_of[s as usize] = k as u32;
-        }
-        let constraints: Vec<Constraint> = choice
-            .chords
-            .iter()
-            .map(|chord| {
-                let edge = domain.chains[chord.chain as usize].edge(chord.from);
-                let [left, right] = sides(domain, chord);
-                Constraint { ends: chord.vertices.map(|v| site_of[v as usize]), left, right, wall: !edge.interior }
-            })
-            .collect();
+        let (sites, points) = sites_of(domain, self.input.points, choice);
+        let constraints = constraints_of(domain, choice, &sites, |chord| sides(domain, chord));
         let (cells, failed) = hull(&points, &constraints)?;
         let angle = cells
             .cells
