@@ -10,6 +10,7 @@
 //! coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
 
 mod assemble;
+mod flip;
 mod levels;
 mod mend;
 mod pinch;
@@ -126,7 +127,8 @@ impl<'a> Ground<'a> {
             tags,
             tag,
             degree,
-            area: input.cells.iter().map(|cell| area(&cell.map(|i| input.points[i as usize]))).sum(),
+            // a needle's may be rounded below zero
+            area: input.cells.iter().map(|cell| area(&cell.map(|i| input.points[i as usize])).max(0.0)).sum(),
             loops: assemble::loops(&boundary),
             outer,
             cos_feature,
@@ -164,6 +166,7 @@ impl<'a> Ground<'a> {
             cells.peel(RIM_ANGLE_DEG);
             cells.unpinch(RIM_ANGLE_DEG, |site| self.runs(site));
             cells.drop_crumbs();
+            cells.free_moot_chords(|c| self.is_given(&choice.chords[c]));
             let victims = cells.victims(RIM_ANGLE_DEG, |s| self.cost(&cells, s, f));
             let shape = cells.shape(RIM_ANGLE_DEG);
             let change = (cells.area() - self.area).abs();
@@ -180,11 +183,17 @@ impl<'a> Ground<'a> {
                 break;
             }
         }
-        let Some((_, settled, cells)) = best else { return Ok(None) };
-        let made = self.assemble(&settled, &cells, is_allowed)?;
+        let Some((_, settled, mut cells)) = best else { return Ok(None) };
+        let made = self.assemble(&settled, &mut cells, is_allowed)?;
         *choice = settled;
         self.take_out(choice, &cells, &[]);
         Ok(Some(made))
+    }
+
+    /// Whether the user gave a facet along a chord, on one of its sides.
+    fn is_given(&self, chord: &Chord) -> bool {
+        let is_given = |side: usize| self.attribute(chord, side).is_some();
+        is_given(0) || is_given(1)
     }
 
     /// Runs of cells around a site in the input: two boundary edges bound each.

@@ -49,11 +49,18 @@ impl Ground<'_> {
     pub fn assemble(
         &self,
         choice: &Choice,
-        trimmed: &Trimmed,
+        trimmed: &mut Trimmed,
         is_allowed: impl Fn(u32) -> bool,
     ) -> Result<(LevelMesh, Dropped), Error> {
         let alive: Vec<usize> = trimmed.alive().collect();
-        let corners = self.corners(choice, trimmed, &alive, is_allowed)?;
+        let corners = loop {
+            let corners = self.corners(choice, trimmed, &alive, &is_allowed)?;
+            if !trimmed.close_slits(&alive, &corners) {
+                break corners;
+            }
+            trimmed.free_moot_chords(|c| self.is_given(&choice.chords[c]));
+        };
+        let trimmed = &*trimmed;
         let mut nodes: Vec<u32> = corners.iter().flatten().copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -171,7 +178,7 @@ impl Ground<'_> {
     }
 
     /// Facet tag of the longest part of a chord's piece, on one of its sides; `None` where that part is not given.
-    fn attribute(&self, chord: &Chord, side: usize) -> Option<i64> {
+    pub(super) fn attribute(&self, chord: &Chord, side: usize) -> Option<i64> {
         let chain = &self.domain.chains[chord.chain as usize];
         let side = if sides(self.domain, chord)[side] { side } else { 1 - side };
         longest((chord.from..chord.to).map(|k| {

@@ -22,7 +22,7 @@ pub struct Trimmed {
     /// Tag of each cell of the level, `None` for the others.
     pub label: Vec<Option<i64>>,
     /// Whether cells on both sides of a constraint end at it.
-    is_slit: Vec<bool>,
+    pub is_slit: Vec<bool>,
     /// Smallest angle of each cell in degrees.
     pub angle: Vec<f64>,
 }

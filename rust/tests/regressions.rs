@@ -107,3 +107,91 @@ fn a_loop_through_a_pinch_has_three_vertices_before_interior_nodes_are_chosen() 
     let rules = Rules { delta: 0.75, ..PLAIN.rules };
     must_hold(&plane(&points, &cells), Options { rules, cos_feature: NO_CORNER, levels: Some(1), ..PLAIN });
 }
+
+/// A chord between two materials of the input had one material on both sides once features were dropped: no facet any
+/// more, yet not Delaunay.
+#[test]
+fn a_chord_that_bounds_nothing_is_an_edge_like_any_other() {
+    let points = [
+        [0.47, 0.78],
+        [0.47, 0.74],
+        [0.62, 0.84],
+        [0.49, 0.59],
+        [0.55, 0.65],
+        [0.67, 0.87],
+        [0.67, 0.45],
+        [0.91, 0.61],
+        [0.83, 0.91],
+        [0.51, 0.85],
+        [0.28, 0.95],
+        [0.25, 0.98],
+        [0.91, 0.99],
+        [0.93, 0.41],
+        [0.91, 0.53],
+        [0.98, 0.52],
+    ];
+    let cells = [
+        [0, 1, 2],
+        [3, 4, 1],
+        [5, 4, 6],
+        [2, 4, 5],
+        [6, 7, 8],
+        [9, 10, 0],
+        [8, 5, 6],
+        [11, 5, 12],
+        [13, 14, 6],
+        [8, 12, 5],
+        [12, 8, 7],
+        [7, 15, 12],
+    ];
+    let case = Plane { tags: vec![1, 0, 0, 1, 0, 1, 1, 1, 0, 1, 1, 1], ..plane(&points, &cells) };
+    let rules = Rules { delta: 0.0, ..KEEP.rules };
+    let cos_feature = -0.1736481776669303;
+    let options = Options { factor: 1.3, levels: None, drop: Drop::Auto, rules, cos_feature, ..KEEP };
+    must_hold(&case, options);
+}
+
+/// Both ends of a slit were left with one copy, so that its sides became one edge that was still treated as a slit.
+#[test]
+fn a_slit_whose_ends_have_one_copy_each_is_closed_where_features_are_dropped() {
+    let points = [
+        [0.739, 0.734],
+        [0.775, 0.843],
+        [0.746, 0.919],
+        [0.642, 0.905],
+        [0.646, 0.806],
+        [0.907, 0.867],
+        [0.827, 0.862],
+        [0.901, 0.813],
+        [0.901, 0.813],
+        [0.919, 0.623],
+        [0.926, 0.524],
+        [0.766, 0.511],
+        [0.91, 0.557],
+    ];
+    let cells = [
+        [0, 1, 2],
+        [3, 4, 2],
+        [5, 6, 7],
+        [2, 4, 0],
+        [6, 1, 7],
+        [6, 2, 1],
+        [0, 8, 1],
+        [8, 0, 9],
+        [9, 10, 5],
+        [11, 12, 9],
+        [9, 5, 7],
+    ];
+    let rules = Rules { beta: 3.0, delta: 0.1, gradation: 0.05, hold: false };
+    let cos_feature = -0.1736481776669303;
+    let options =
+        Options { factor: 4.0, levels: Some(1), nested: false, drop: Drop::Always, rules, cos_feature, ..PLAIN };
+    must_hold(&plane(&points, &cells), options);
+}
+
+/// The area of a needle was rounded below zero, and no level was near enough to it.
+#[test]
+fn a_needle_whose_area_is_rounded_below_zero_has_levels() {
+    let case = plane(&[[35294.1, -124.6], [23529.4, -55.4], [11764.7, 13.8]], &[[0, 1, 2]]);
+    must_hold(&case, Options { levels: Some(1), drop: Drop::Always, ..PLAIN });
+}

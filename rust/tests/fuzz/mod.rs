@@ -20,8 +20,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 use topology::facet_rows;
 
-/// No hierarchy of a few hundred nodes takes longer.
+/// No hierarchy of a few hundred nodes takes longer, unless it has many levels.
 const SLOW: Duration = Duration::from_secs(1);
+
+/// What a level of it may take then.
+const SLOW_LEVEL: Duration = Duration::from_millis(100);
 
 /// A triangle mesh as a user gives it: cells counter-clockwise, given facets with tags.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -80,6 +83,7 @@ pub fn failure(plane: &Plane, options: Options) -> Option<String> {
     let (progress, facets) = (Progress::default(), facet_rows(plane));
     let input = Input { points: &plane.points, facets: &facets, spacing: None, cells: &plane.cells };
     let begun = Instant::now();
+    let longest = |levels: usize| SLOW.max(SLOW_LEVEL * levels as u32);
     // a busy machine is no fault of ours
     let again = || {
         let begun = Instant::now();
@@ -92,7 +96,9 @@ pub fn failure(plane: &Plane, options: Options) -> Option<String> {
             Some(format!("panic: {}", text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("?")))
         }
         Ok(Err(error)) => Some(format!("error: {error}")),
-        Ok(Ok(_)) if begun.elapsed() > SLOW && again() > SLOW => Some(format!("slow: {:?}", begun.elapsed())),
+        Ok(Ok((levels, ..))) if begun.elapsed() > longest(levels.len()) && again() > longest(levels.len()) => {
+            Some(format!("slow: {:?} for {} levels", begun.elapsed(), levels.len()))
+        }
         Ok(Ok((levels, ..))) => catch_unwind(AssertUnwindSafe(|| oracle::check(plane, options, &levels)))
             .unwrap_or_else(|_| Some("oracle: panic".into())),
     }
