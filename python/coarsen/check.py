@@ -11,17 +11,18 @@ the area √3/4 e², so a mesh whose elements are nowhere larger than E has at l
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import spacing
 from .backend import backend
+from .quality import longest_edges
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from .mesh import Mesh
     from .multilevel import Hierarchy, Level
 
@@ -98,14 +99,6 @@ class Conditioning:
         return "\n".join([*lines, *(f"not held: {text}" for text in self.failed)])
 
 
-def longest_edges(mesh: Mesh) -> NDArray[np.float64]:
-    """Return el of every cell (Definition 2.1): (m,), in the units of the points."""
-    corners = mesh.points[mesh.cells]
-    edges = np.roll(corners, -1, axis=1) - corners
-    longest: NDArray[np.float64] = np.sqrt((edges**2).sum(axis=-1)).max(axis=1)
-    return longest
-
-
 def similarity(finer: Level, coarser: Level, name: str = "rust") -> float:
     """Return the largest el of `coarser` over el of `finer`, over all points that both meshes hold."""
     shared = np.searchsorted(finer.nodes, coarser.nodes)
@@ -115,9 +108,8 @@ def similarity(finer: Level, coarser: Level, name: str = "rust") -> float:
     if one.dim == 1:
         return _line_similarity(one, two)
     indptr, indices, areas = backend(name).overlap(one.points, one.cells, two.points, two.cells, injection, None)
-    fine = np.repeat(np.arange(one.n_cells), np.diff(indptr))
-    ratio = longest_edges(two)[indices] / longest_edges(one)[fine]
-    return float(ratio[areas > 0].max())
+    ratio = longest_edges(two)[indices] / np.repeat(longest_edges(one), np.diff(indptr))
+    return float(ratio.max(where=areas > 0, initial=0.0))
 
 
 def _line_similarity(one: Mesh, two: Mesh) -> float:
@@ -128,14 +120,23 @@ def _line_similarity(one: Mesh, two: Mesh) -> float:
     return float((longest_edges(two)[holder] / longest_edges(one)).max())
 
 
-def least_cells(mesh: Mesh, factor: float) -> float:
-    """Return the least number of cells of a mesh with elements as large as a coarsening by `factor` may have."""
+def similarities(h: Hierarchy) -> list[float]:
+    """Return the local similarity of every level to the next finer one, NaN first; measured once for a hierarchy."""
+    known: list[float] | None = h.__dict__.get("_similarities")
+    if known is None:
+        known = [float("nan"), *(similarity(finer, coarser) for finer, coarser in pairwise(h))]
+        h.__dict__["_similarities"] = known
+    return list(known)
+
+
+def least_cells(mesh: Mesh, factors: Sequence[float]) -> list[float]:
+    """Return, for each factor, the least number of cells of a mesh with elements as large as it may have."""
     el = longest_edges(mesh)
-    corners = mesh.points[mesh.cells]
-    out, back = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = 0.5 * np.abs(out[:, 0] * back[:, 1] - out[:, 1] * back[:, 0])
-    allowed = el if factor == 1.0 else spacing.coarsened(corners.mean(axis=1), el, factor)
-    return float(4 / np.sqrt(3) * (area / allowed**2).sum())
+    a, b, c = (mesh.points[corner] for corner in mesh.cells.T)
+    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    middles = (a + b + c) / 3
+    allowed = (el if factor == 1.0 else spacing.coarsened(middles, el, factor) for factor in factors)
+    return [float(4 / np.sqrt(3) * (area / longest**2).sum()) for longest in allowed]
 
 
 def check(
@@ -159,11 +160,12 @@ def check(
         True where what was asked for holds; printable.
     """
     levels, failed = [], []
-    for i, level in enumerate(h):
+    ratios = similarities(h)
+    flat = h[0].mesh.dim > 1
+    least = least_cells(h[0].mesh, [level.factor for level in h]) if flat else [float("nan")] * len(h)
+    for i, (level, ratio, fewest) in enumerate(zip(h, ratios, least, strict=True)):
         quality = level.quality
-        ratio = float("nan") if i == 0 else _similarity(h[i - 1], level)
         nested = i == 0 or bool(np.isin(level.nodes, h[i - 1].nodes).all())
-        fewest = float("nan") if level.mesh.dim == 1 else least_cells(h[0].mesh, level.factor)
         one = LevelCheck(
             i,
             level.mesh.n_points,
@@ -182,6 +184,3 @@ def check(
     if size is not None and levels[-1].n_cells > size:
         failed.append(f"the last level has {levels[-1].n_cells} cells, b = {size:g}")
     return Conditioning(tuple(levels), tuple(failed))
-
-
-_similarity = similarity

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import reduce
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,9 +95,11 @@ def quality_of(points: NDArray[np.float64], cells: NDArray[Any]) -> Quality:
 
 def longest_edges(mesh: Mesh) -> NDArray[np.float64]:
     """Return the longest edge of each cell, (m,): el within the cell (Definition 2.1)."""
-    corners = mesh.points[mesh.cells]
-    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-    longest: NDArray[np.float64] = lengths.max(axis=1)
+    columns = [np.ascontiguousarray(column) for column in mesh.points.T]  # gathers from one column stay in the cache
+    corners = [[column[corner] for column in columns] for corner in mesh.cells.T]
+    longest = np.zeros(mesh.n_cells)
+    for one, other in combinations(corners, 2):
+        np.maximum(longest, reduce(np.hypot, (np.abs(a - b) for a, b in zip(one, other, strict=True))), out=longest)
     return longest
 
 

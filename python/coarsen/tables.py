@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .check import similarity
+from .check import similarities
 
 if TYPE_CHECKING:
     from .multilevel import Hierarchy
@@ -48,12 +48,11 @@ class Row:
 def rows(h: Hierarchy) -> list[Row]:
     """Return one row a level, finest first."""
     found = []
-    for i, level in enumerate(h):
+    for i, (level, ratio) in enumerate(zip(h, similarities(h), strict=True)):
         quality = level.quality
         smallest, largest = (float(quality.min_angle), float(quality.max_angle)) if level.mesh.dim > 1 else (None, None)
-        like = similarity(h[i - 1], level) if i else None
         size = level.mesh.n_points, level.mesh.n_cells
-        found.append(Row(i, float(level.factor), *size, smallest, largest, like))
+        found.append(Row(i, float(level.factor), *size, smallest, largest, ratio if i else None))
     return found
 
 
