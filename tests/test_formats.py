@@ -83,6 +83,7 @@ def test_a_weir_is_written_in_pairs_again(tmp_path: Path) -> None:
     assert coarsen.read(tmp_path / "again.14") == Mesh(
         mesh.points, mesh.cells, facets=coarsen.read(tmp_path / "again.14").facets,
         facet_tags=coarsen.read(tmp_path / "again.14").facet_tags, point_data=mesh.point_data,
+        facet_names={-1: "open", 0: "mainland", 24: "weir"},
     )  # fmt: skip
     assert facet_set(mesh) == facet_set(coarsen.read(tmp_path / "again.14"))
 

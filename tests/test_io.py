@@ -183,7 +183,7 @@ def test_gmsh_4_1_gives_physical_groups_names_and_a_flat_mesh(tmp_path: Path) ->
 def test_names_go_along_when_a_file_is_converted(tmp_path: Path) -> None:
     (tmp_path / "lagoon.msh").write_text(GMSH_41)
     io.files.convert(tmp_path / "lagoon.msh", tmp_path / "lagoon.su2")
-    assert io.read_draft(tmp_path / "lagoon.su2").facet_names == {0: "shore"}
+    assert io.read_draft(tmp_path / "lagoon.su2").facet_names == {7: "shore"}
     io.files.convert(tmp_path / "lagoon.msh", tmp_path / "again.msh")
     assert io.read_draft(tmp_path / "again.msh").cell_names == {11: "sea", 12: "lagoon"}
     io.files.convert(tmp_path / "lagoon.msh", tmp_path / "lagoon.npz")

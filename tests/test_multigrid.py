@@ -280,8 +280,8 @@ def test_meshes_go_to_scikit_fem_and_back():
     again = multigrid.to_skfem(mesh)
     assert (again.p == start.p).all()
     assert (np.sort(again.t, axis=0) == np.sort(start.t, axis=0)).all()
-    assert len(again.boundaries["1"]) == len(mesh.facets)
-    assert len(again.subdomains["1"]) == len(start.subdomains["up"])
+    assert len(again.boundaries["left"]) == len(mesh.facets)
+    assert len(again.subdomains["up"]) == len(start.subdomains["up"])
 
 
 def test_the_laplacian_is_that_of_scikit_fem():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -148,3 +149,29 @@ def fields_of(point_data: Mapping[str, Any] | None, n_points: int) -> Fields | N
             raise _refused(f"point_data[{name!r}]", "wrong dtype", f"has dtype {array.dtype}, expected numbers")
         out[str(name)] = read_only(np.ascontiguousarray(array))
     return out
+
+
+def names_of(name: str, value: Mapping[int, str] | None) -> dict[int, str] | None:
+    """Return what tags are called, in the order of the tags; None where nothing is.
+
+    Raises
+    ------
+    MeshError
+        If a tag is no whole number, a name no text, or two tags are called the same.
+    """
+    if not value:
+        return None
+    names: dict[int, str] = {}
+    owners: dict[str, int] = {}
+    for tag, text in dict(value).items():
+        try:
+            number = index(tag)
+        except TypeError:
+            raise _refused(name, "wrong names", f"has the tag {tag!r}, expected a whole number") from None
+        if not isinstance(text, str):
+            raise _refused(name, "wrong names", f"calls tag {number} {text!r}, expected text")
+        if text in owners:
+            raise _refused(name, "wrong names", f"calls both tag {owners[text]} and tag {number} {text!r}")
+        names[number] = text
+        owners[text] = number
+    return dict(sorted(names.items()))

@@ -186,6 +186,11 @@ def info(
     if json_:
         _print_json({"mesh": str(mesh), **facts})
         return
+    for which in ("facet", "cell"):  # in the table a name stands with its tag
+        names = facts.pop(f"{which}_names", {})
+        if f"{which}_tags" in facts:
+            counts = facts[f"{which}_tags"].items()
+            facts[f"{which}_tags"] = {f"{tag} {names[tag]}" if tag in names else tag: count for tag, count in counts}
     show(facts_table([(name.replace("_", " "), _short(value)) for name, value in facts.items()], mesh.name))
 
 
@@ -203,6 +208,9 @@ def _facts(mesh: Mesh) -> dict[str, Any]:
         if tags is not None:
             values, counts = np.unique(tags, return_counts=True)
             facts[name] = {int(value): int(count) for value, count in zip(values, counts, strict=True)}
+    for name, names in (("facet_names", mesh.facet_names), ("cell_names", mesh.cell_names)):
+        if names:
+            facts[name] = names
     facts["fields"] = sorted(mesh.point_data or {})
     return facts
 

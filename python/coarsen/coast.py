@@ -19,6 +19,7 @@ from .bisection import Bools, Floats, Ints, bisected
 from .mesh import Mesh
 
 OPEN, MAINLAND, ISLAND = -1, 20, 21
+NAMES = {OPEN: "open", MAINLAND: "mainland, weak", ISLAND: "island, weak"}
 """Facet tags of :func:`coast`, ADCIRC's own, so that a ``fort.14`` of it is one."""
 
 _WAVES = 40
@@ -71,6 +72,7 @@ def coast(n: int = 10_000, *, seed: int = 1997, extent: float = 100e3) -> Mesh:
         facets=facets,
         facet_tags=tags,
         point_data={"depth": depth},
+        facet_names=NAMES,
     )
 
 

@@ -244,7 +244,7 @@ def interface(n: int = 3000, *, radius: float = 0.25) -> Mesh:
     outside = _around_hole(np.zeros(2, dtype=np.int64), k, np.array([0.5, 0.5]), radius, layers(k))
     inside = _disc(k, np.array([0.5, 0.5]), radius)
     tags = np.repeat([1, 2], [len(outside[1]), len(inside[1])])
-    return Mesh(*_joined([outside, inside]), cell_tags=tags)
+    return Mesh(*_joined([outside, inside]), cell_tags=tags, cell_names={1: "outside", 2: "inside"})
 
 
 def line(n: int = 100, *, growth: float = 1.0) -> Mesh:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .arguments import thread_count
-from .arrays import FloatArray, IndexArray, fields_of, index_rows, points_array, read_only, tags_array
+from .arrays import FloatArray, IndexArray, fields_of, index_rows, names_of, points_array, read_only, tags_array
 from .backend import backend
 from .errors import MeshError
 from .quality import Quality, quality_of
+from .topology import Topology, refuse_two_tags
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,36 +22,6 @@ if TYPE_CHECKING:
     from .repaired import Repairs
 
 __all__ = ["Mesh", "MeshError", "Quality", "Topology"]
-
-
-@dataclass(frozen=True, eq=False)
-class Topology:
-    """What the check of a mesh finds out about it.
-
-    Attributes
-    ----------
-    flip : (k,) int64 array
-        Cells that were given clockwise; the mesh stores them with their last two nodes exchanged.
-    facets : (s, d) int64 array
-        Every facet once. First those of the boundary, directed with their one cell on the left; then those between two
-        cells (of different tags, or given), directed with ``facet_cells[:, 0]`` on the left.
-    facet_cells : (s, 2) int64 array
-        Left and right cell of each facet; -1 where there is none.
-    facet_given : (s,) int64 array
-        Row of the user's `facets`, or -1.
-    n_boundary : int
-        How many of them are of the boundary.
-    layer : (n,) int64 array or None
-        Parts that overlap another one shallowly, as the two sides of a sliding interface do, have different layers;
-        None where all is one layer (nearly always).
-    """
-
-    flip: NDArray[np.int64]
-    facets: NDArray[np.int64]
-    facet_cells: NDArray[np.int64]
-    facet_given: NDArray[np.int64]
-    n_boundary: int
-    layer: NDArray[np.int64] | None = None
 
 
 class Mesh:
@@ -73,12 +43,15 @@ class Mesh:
         Tags of the cells.
     point_data : mapping of str to (n, ...) array_like, optional
         Nodal fields (depth, for instance), carried to every level.
+    facet_names, cell_names : mapping of int to str, optional
+        What tags are called (``{1: "inflow", 2: "wall"}``): physical groups of gmsh, markers of SU2, kinds of boundary
+        of ADCIRC. Carried to every level and into files that have names.
     threads : int, optional
         How many threads check the mesh; all cores if not given.
 
     Attributes
     ----------
-    points, cells, facets, facet_tags, cell_tags, point_data
+    points, cells, facets, facet_tags, cell_tags, point_data, facet_names, cell_names
         As given, read-only; None where not given.
     dim, n_points, n_cells : int
     boundary_facets : (b, d) int64 array
@@ -116,7 +89,18 @@ class Mesh:
     Mesh(4 points, 2 triangles, 4 boundary edges)
     """
 
-    __slots__ = ("_cell_tags", "_cells", "_facet_tags", "_facets", "_point_data", "_points", "_quality", "_topology")
+    __slots__ = (
+        "_cell_names",
+        "_cell_tags",
+        "_cells",
+        "_facet_names",
+        "_facet_tags",
+        "_facets",
+        "_point_data",
+        "_points",
+        "_quality",
+        "_topology",
+    )
 
     _points: FloatArray
     _cells: IndexArray
@@ -124,6 +108,8 @@ class Mesh:
     _facet_tags: NDArray[Any] | None
     _cell_tags: NDArray[Any] | None
     _point_data: dict[str, NDArray[Any]] | None
+    _facet_names: dict[int, str] | None
+    _cell_names: dict[int, str] | None
     _topology: Topology
     _quality: Quality | None
 
@@ -136,6 +122,8 @@ class Mesh:
         facet_tags: Any = None,
         cell_tags: Any = None,
         point_data: Mapping[str, Any] | None = None,
+        facet_names: Mapping[int, str] | None = None,
+        cell_names: Mapping[int, str] | None = None,
         threads: int | None = None,
     ) -> None:
         points = points_array(points)
@@ -150,6 +138,7 @@ class Mesh:
         if cell_tags is not None:
             cell_tags = tags_array("cell_tags", cell_tags, len(cells), "'cells'")
         fields = fields_of(point_data, len(points))
+        names = names_of("facet_names", facet_names), names_of("cell_names", cell_names)
         threads = thread_count(threads)
         found = backend("rust").check_mesh(
             points,
@@ -160,11 +149,11 @@ class Mesh:
         )
         topology = Topology(**found)
         if facet_tags is not None:
-            _refuse_two_tags(facets, facet_tags, topology)
+            refuse_two_tags(facets, facet_tags, topology)
         if len(topology.flip):
             cells = cells.copy()
             cells[topology.flip, -2:] = cells[topology.flip, :-3:-1]
-        self._set(points, cells, topology, facets, facet_tags, cell_tags, fields)
+        self._set(points, cells, topology, facets, facet_tags, cell_tags, fields, *names)
 
     @classmethod
     def _trusted(
@@ -177,10 +166,12 @@ class Mesh:
         facet_tags: NDArray[Any] | None = None,
         cell_tags: NDArray[Any] | None = None,
         point_data: dict[str, NDArray[Any]] | None = None,
+        facet_names: dict[int, str] | None = None,
+        cell_names: dict[int, str] | None = None,
     ) -> Mesh:
         """Make a mesh that is known to be legal, with cells positive, without checking it."""
         mesh = cls.__new__(cls)
-        mesh._set(points, cells, topology, facets, facet_tags, cell_tags, point_data)
+        mesh._set(points, cells, topology, facets, facet_tags, cell_tags, point_data, facet_names, cell_names)
         return mesh
 
     def _set(
@@ -192,6 +183,8 @@ class Mesh:
         facet_tags: NDArray[Any] | None,
         cell_tags: NDArray[Any] | None,
         point_data: dict[str, NDArray[Any]] | None,
+        facet_names: dict[int, str] | None,
+        cell_names: dict[int, str] | None,
     ) -> None:
         values = {
             "_points": read_only(points),
@@ -201,6 +194,8 @@ class Mesh:
             "_facet_tags": None if facet_tags is None else read_only(facet_tags),
             "_cell_tags": None if cell_tags is None else read_only(cell_tags),
             "_point_data": None if point_data is None else {k: read_only(v) for k, v in point_data.items()},
+            "_facet_names": dict(facet_names) if facet_names else None,
+            "_cell_names": dict(cell_names) if cell_names else None,
             "_quality": None,
         }
         for name, value in values.items():
@@ -241,6 +236,16 @@ class Mesh:
     def point_data(self) -> dict[str, NDArray[Any]] | None:
         """Nodal fields by name, each (n, ...), or None."""
         return None if self._point_data is None else dict(self._point_data)
+
+    @property
+    def facet_names(self) -> dict[int, str] | None:
+        """What facet tags are called, by tag, or None."""
+        return None if self._facet_names is None else dict(self._facet_names)
+
+    @property
+    def cell_names(self) -> dict[int, str] | None:
+        """What cell tags are called, by tag, or None."""
+        return None if self._cell_names is None else dict(self._cell_names)
 
     @property
     def topology(self) -> Topology:
@@ -289,14 +294,12 @@ class Mesh:
             raise ValueError(f"'s' is {s!r}, expected a positive finite number")
         with np.errstate(over="ignore", under="ignore"):
             points = self._points * scale
-        return Mesh(
-            points,
-            self._cells,
-            facets=self._facets,
-            facet_tags=self._facet_tags,
-            cell_tags=self._cell_tags,
-            point_data=self._point_data,
-        )
+        return Mesh(points, self._cells, **self._beside())
+
+    def _beside(self) -> dict[str, Any]:
+        """Return all that is given beside points and cells."""
+        names = ("facets", "facet_tags", "cell_tags", "point_data", "facet_names", "cell_names")
+        return {name: getattr(self, f"_{name}") for name in names}
 
     @classmethod
     def repaired(cls, points: Any, cells: Any, **given: Any) -> tuple[Mesh, Repairs]:
@@ -368,6 +371,8 @@ class Mesh:
         arrays = ("_points", "_cells", "_facets", "_facet_tags", "_cell_tags")
         if not all(_equal(getattr(self, name), getattr(other, name)) for name in arrays):
             return False
+        if self._facet_names != other._facet_names or self._cell_names != other._cell_names:
+            return False
         mine, theirs = self._point_data or {}, other._point_data or {}
         return mine.keys() == theirs.keys() and all(
             np.array_equal(mine[name], theirs[name], equal_nan=True) for name in mine
@@ -379,8 +384,8 @@ class Mesh:
         return {name: getattr(self, name) for name in self.__slots__}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        given = {name: state[name] for name in ("_facets", "_facet_tags", "_cell_tags", "_point_data")}
-        self._set(state["_points"], state["_cells"], state["_topology"], *given.values())
+        given = ("_facets", "_facet_tags", "_cell_tags", "_point_data", "_facet_names", "_cell_names")
+        self._set(state["_points"], state["_cells"], state["_topology"], *(state.get(name) for name in given))
 
     def __copy__(self) -> Mesh:
         return self
@@ -396,27 +401,3 @@ def _equal(mine: NDArray[Any] | None, theirs: NDArray[Any] | None) -> bool:
     if mine is None or theirs is None:
         return mine is theirs
     return np.array_equal(mine, theirs)
-
-
-def _refuse_two_tags(facets: NDArray[Any], tags: NDArray[Any], topology: Topology) -> None:
-    """Refuse a facet that is given twice with different tags.
-
-    Raises
-    ------
-    MeshError
-        Naming both rows.
-    """
-    kept = topology.facet_given[topology.facet_given >= 0]
-    if len(kept) == len(facets):
-        return
-    first_row = {tuple(sorted(facets[row].tolist())): int(row) for row in kept}
-    for row in np.setdiff1d(np.arange(len(facets)), kept).tolist():
-        first = first_row[tuple(sorted(facets[row].tolist()))]
-        if tags[row] != tags[first]:
-            raise MeshError(
-                f"two tags: 'facets' row {row} is {facets[row].tolist()} with tag {tags[row]}, the facet of row "
-                f"{first} with tag {tags[first]}; give each facet one tag",
-                rule="two tags",
-                array="facets",
-                index=row,
-            )

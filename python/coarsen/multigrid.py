@@ -53,8 +53,8 @@ def pyamg_solver(
         Made with ``features="auto"`` levels are small enough to be solved directly in the end.
     free : (n,) or (n b,) bool array, optional
         The nodes, or the unknowns, that are not held by Dirichlet conditions.
-    dirichlet : "boundary", int or collection of int, optional
-        Instead of `free`: the whole boundary, or the facets with these tags, are held.
+    dirichlet : "boundary", int, str or collection of them, optional
+        Instead of `free`: the whole boundary, or the facets with these tags or names, are held.
     block_size : int
         b, the number of unknowns of a node.
     operators : callable, optional
@@ -221,8 +221,8 @@ def laplacian(mesh: Mesh, coefficient: Any = None) -> csr_matrix:
 def from_skfem(mesh: Any) -> Mesh:
     """Return a mesh from scikit-fem's `MeshTri`.
 
-    Named boundaries become facets, named subdomains cell tags: 1, 2, ... in the order of their names; 0 for cells in
-    none.
+    Named boundaries become facets, named subdomains cell tags: 1, 2, ... in the order of their names, which are kept;
+    0 for cells in none.
     """
     facets = facet_tags = cell_tags = None
     if mesh.boundaries:
@@ -233,19 +233,33 @@ def from_skfem(mesh: Any) -> Mesh:
         cell_tags = np.zeros(mesh.t.shape[1], dtype=np.int64)
         for tag, name in enumerate(sorted(mesh.subdomains), start=1):
             cell_tags[mesh.subdomains[name]] = tag
-    return Mesh(mesh.p.T, mesh.t.T, facets=facets, facet_tags=facet_tags, cell_tags=cell_tags)
+    return Mesh(
+        mesh.p.T,
+        mesh.t.T,
+        facets=facets,
+        facet_tags=facet_tags,
+        cell_tags=cell_tags,
+        facet_names=dict(enumerate(sorted(mesh.boundaries or ()), start=1)),
+        cell_names=dict(enumerate(sorted(mesh.subdomains or ()), start=1)),
+    )
 
 
 def to_skfem(mesh: Mesh) -> Any:
-    """Return scikit-fem's `MeshTri` of a mesh; boundaries and subdomains are named by their tags."""
+    """Return scikit-fem's `MeshTri` of a mesh; boundaries and subdomains have the names of their tags, or the tags."""
     from skfem import MeshTri
 
+    facet_names, cell_names = mesh.facet_names or {}, mesh.cell_names or {}
     made = MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.cells.T.astype(np.int64)))
     if mesh.facets is not None and mesh.facet_tags is not None:
         order = {tuple(pair): k for k, pair in enumerate(np.sort(made.facets.T, axis=1).tolist())}
         at = np.array([order[tuple(pair)] for pair in np.sort(mesh.facets, axis=1).tolist()], dtype=np.int32)
-        made = made.with_boundaries({str(tag): at[mesh.facet_tags == tag] for tag in np.unique(mesh.facet_tags)})
+        made = made.with_boundaries(
+            {facet_names.get(tag, str(tag)): at[mesh.facet_tags == tag] for tag in np.unique(mesh.facet_tags).tolist()}
+        )
     if mesh.cell_tags is not None:
-        cells = {str(tag): np.flatnonzero(mesh.cell_tags == tag) for tag in np.unique(mesh.cell_tags)}
+        cells = {
+            cell_names.get(tag, str(tag)): np.flatnonzero(mesh.cell_tags == tag)
+            for tag in np.unique(mesh.cell_tags).tolist()
+        }
         made = made.with_subdomains(cells)
     return made

@@ -320,8 +320,10 @@ def level_from(mesh: Mesh, made: dict[str, Any]) -> Level:
     points = mesh.points[nodes]
     cell_tags = None if mesh.cell_tags is None else made["cell_tags"].astype(mesh.cell_tags.dtype)
     fields = None if mesh.point_data is None else {name: values[nodes] for name, values in mesh.point_data.items()}
+    carried: dict[str, Any] = {"cell_tags": cell_tags, "point_data": fields}
+    carried |= {"facet_names": mesh.facet_names, "cell_names": mesh.cell_names}
     if mesh.dim == 1:
-        coarse = Mesh(points, made["cells"], cell_tags=cell_tags, point_data=fields)
+        coarse = Mesh(points, made["cells"], **carried)
         return Level(coarse, nodes, made["factor"], made["spacing"])
     given = made["given"]
     facets = facet_tags = None
@@ -336,9 +338,7 @@ def level_from(mesh: Mesh, made: dict[str, Any]) -> Level:
         n_boundary=made["n_boundary"],
         layer=None if mesh.topology.layer is None else mesh.topology.layer[nodes],
     )
-    coarse = Mesh._trusted(
-        points, made["cells"], topology, facets=facets, facet_tags=facet_tags, cell_tags=cell_tags, point_data=fields
-    )
+    coarse = Mesh._trusted(points, made["cells"], topology, facets=facets, facet_tags=facet_tags, **carried)
     return Level(coarse, nodes, made["factor"], made["spacing"], made["visits"], made.get("dropped"))
 
 

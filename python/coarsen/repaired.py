@@ -73,6 +73,8 @@ def repaired(
     facet_tags: Any = None,
     cell_tags: Any = None,
     point_data: Mapping[str, Any] | None = None,
+    facet_names: Mapping[int, str] | None = None,
+    cell_names: Mapping[int, str] | None = None,
 ) -> tuple[Mesh, Repairs]:
     """Mend a mesh: drop what means nothing, merge what is doubled without being a slit.
 
@@ -82,7 +84,7 @@ def repaired(
 
     Parameters
     ----------
-    points, cells, facets, facet_tags, cell_tags, point_data
+    points, cells, facets, facet_tags, cell_tags, point_data, facet_names, cell_names
         As for `Mesh`. Nodes that are merged take coordinates and nodal fields of the first of them.
 
     Returns
@@ -124,7 +126,8 @@ def repaired(
     mend = _Mending(points, cells)
     mend.drop_bad_cells()
     mend.merge_until_legal()
-    return mend.result(facets, facet_tags, cell_tags, point_data)
+    names = {"facet_names": facet_names, "cell_names": cell_names}
+    return mend.result(facets, facet_tags, cell_tags, point_data, names)
 
 
 class _Mending:
@@ -216,7 +219,9 @@ class _Mending:
         self.node[nodes] = into
         return bool((before != into).any())
 
-    def result(self, facets: Any, facet_tags: Any, cell_tags: Any, point_data: Any) -> tuple[Mesh, Repairs]:
+    def result(
+        self, facets: Any, facet_tags: Any, cell_tags: Any, point_data: Any, names: dict[str, Any]
+    ) -> tuple[Mesh, Repairs]:
         nodes, cells = self.compact()
         new = np.full(len(self.points), -1)
         new[nodes] = np.arange(len(nodes))
@@ -233,6 +238,7 @@ class _Mending:
             facet_tags=facet_tags,
             cell_tags=None if cell_tags is None else cell_tags[self.kept],
             point_data=None if point_data is None else {k: np.asarray(v)[nodes] for k, v in point_data.items()},
+            **names,
         )
         row = np.full(len(self.cells), -1)
         row[self.kept] = np.arange(len(cells))

@@ -131,8 +131,8 @@ def free_mask(mesh: Mesh, free: Any = None, dirichlet: Any = None) -> NDArray[np
     mesh : Mesh
     free : (n,) bool array, optional
         True for nodes that are free; None: all, unless `dirichlet` is given.
-    dirichlet : "boundary", int or collection of int, optional
-        The nodes on the whole boundary, or on the facets with these `facet_tags`, are held.
+    dirichlet : "boundary", int, str or collection of them, optional
+        The nodes on the whole boundary, or on the facets with these `facet_tags` or `facet_names`, are held.
 
     Returns
     -------
@@ -155,18 +155,29 @@ def free_mask(mesh: Mesh, free: Any = None, dirichlet: Any = None) -> NDArray[np
     if dirichlet is None:
         return None
     mask = np.ones(mesh.n_points, dtype=bool)
-    if isinstance(dirichlet, str):
-        if dirichlet != "boundary":
-            raise ValueError(f"'dirichlet' is {dirichlet!r}, expected 'boundary' or facet tags")
+    if isinstance(dirichlet, str) and dirichlet == "boundary":
         mask[mesh.boundary_facets] = False
         return mask
-    tags = np.array(list(dirichlet) if isinstance(dirichlet, Collection | np.ndarray) else [dirichlet], dtype=np.int64)
+    several = isinstance(dirichlet, Collection | np.ndarray) and not isinstance(dirichlet, str)
+    tags = [_facet_tag(mesh, tag) for tag in (dirichlet if several else [dirichlet])]
     known = np.empty(0, np.int64) if mesh.facet_tags is None else mesh.facet_tags
     missing = np.setdiff1d(tags, known)
-    if mesh.facets is None or len(missing):
+    if len(missing):
         raise ValueError(f"'dirichlet' names facet tag {missing[0]}, which no facet of the mesh has")
-    mask[mesh.facets[np.isin(known, tags)]] = False
+    if mesh.facets is not None:
+        mask[mesh.facets[np.isin(known, tags)]] = False
     return mask
+
+
+def _facet_tag(mesh: Mesh, tag: Any) -> int:
+    if not isinstance(tag, str):
+        return int(tag)
+    names = mesh.facet_names or {}
+    for number, name in names.items():
+        if name == tag:
+            return number
+    known = f", one of {', '.join(map(repr, names.values()))}" if names else " (no facet has a name)"
+    raise ValueError(f"'dirichlet' is {tag!r}, expected 'boundary' or facet tags{known}")
 
 
 def shared_nodes(hierarchy: Hierarchy, fine: int, coarse: int) -> NDArray[np.int64]:

@@ -3,7 +3,8 @@
 After the ADCIRC user's manual (fort.14) and the SCHISM manual (hgrid.gr3). A boundary's facet tag is its IBTYPE (0,
 10, 20 mainland, 1, 11, 21 islands, 3, 13, 23 outer barriers, 4, 24 weirs in the sea with nodes in pairs on both
 sides, …); open boundaries have tag -1. Depth is the nodal field ``depth``; heights and coefficients of barriers are
-the nodal fields ``barrier:0`` … and NaN elsewhere.
+the nodal fields ``barrier:0`` … and NaN elsewhere. Tags are called after their kind: "open", "mainland", "island,
+weak" (21: the flux through it is held weakly), ….
 """
 
 from __future__ import annotations
@@ -22,7 +23,18 @@ from .strings import node_strings
 OPEN = -1
 ISLANDS = (1, 11, 21)
 OUTER_BARRIERS = (3, 13, 23)
-WEIRS = (4, 24, 5, 25)
+WEIRS = (4, 24, 5, 25, 64)
+_HOLDS = {0: "", 10: ", no slip", 20: ", weak"}
+KINDS = {OPEN: "open"}
+"""What every kind of boundary is called, by its facet tag."""
+KINDS |= {
+    kind + more: name + hold
+    for kind, name in enumerate(("mainland", "island", "river", "outer barrier", "weir", "weir with pipes"))
+    for more, hold in _HOLDS.items()
+}
+KINDS |= {24: "weir", 4: "weir, strong", 25: "weir with pipes", 5: "weir with pipes, strong"}  # the weak ones are usual
+KINDS |= {30: "radiation", 32: "river with radiation", 40: "zero gradient", 41: "zero gradient, Galerkin"}
+KINDS |= {52: "river with periodic flux", 64: "vertical wall", 94: "periodic"}
 _BARRIER = "barrier:{}"
 
 
@@ -152,6 +164,7 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
             np.array(facets, dtype=np.int64),
             np.array(tags, dtype=np.int64),
         )
+        draft.facet_names = {tag: KINDS[tag] for tag in set(tags) & KINDS.keys()}
     for column in range(max((len(value) for value in values.values()), default=0)):
         field = np.full(len(draft.points), np.nan)
         for node, value in values.items():
@@ -184,7 +197,7 @@ def write_grid(draft: Draft, path: Path) -> None:
 def _boundary_lines(draft: Draft) -> Iterator[str]:
     strings: list[tuple[int, list[int]]] = []
     if draft.facets is not None:
-        tags = np.zeros(len(draft.facets), np.int64) if draft.facet_tags is None else draft.facet_tags
+        tags = np.zeros(len(draft.facets), np.int64) if draft.facet_tags is None else _kinds(draft)
         for tag in np.unique(tags):
             strings += [(int(tag), nodes) for nodes in node_strings(draft.facets[tags == tag])]
     open_ = [nodes for tag, nodes in strings if tag == OPEN]
@@ -199,6 +212,15 @@ def _boundary_lines(draft: Draft) -> Iterator[str]:
     for number, (_, kind, lines) in enumerate(land, 1):
         yield f"{len(lines)} {kind} = Number of nodes for land boundary {number}"
         yield from lines
+
+
+def _kinds(draft: Draft) -> Any:
+    """Return the facet tags, as kinds of boundary where their names say which."""
+    known = {name: kind for kind, name in KINDS.items()} | {"land": 20, "ocean": OPEN}
+    tags = np.array(draft.facet_tags)
+    for tag, name in draft.facet_names.items():
+        tags[np.asarray(draft.facet_tags) == tag] = known.get(name.lower(), tag)
+    return tags
 
 
 def _paired(draft: Draft, strings: list[tuple[int, list[int]]]) -> Iterator[tuple[int, list[int], list[int]]]:

@@ -137,9 +137,22 @@ def draft_from_meshio(other: Any) -> Draft:
         for name, values in other.point_data.items()
         if not name.startswith(("gmsh:", "medit:"))
     }
+    _name(draft, other)
+    return draft
+
+
+def _name(draft: Draft, other: Any) -> None:
+    """Give the draft the names of its tags: gmsh's physical names, MED's families, sets that became tags."""
     for name, (tag, dim) in _names(other).items():
         {1: draft.facet_names, 2: draft.cell_names}.get(dim, {})[tag] = name
-    return draft
+    families = {int(tag): ", ".join(names) for tag, names in getattr(other, "cell_tags", {}).items() if names}
+    families |= {} if _numbered(other) else dict(enumerate(_sets(other), 1))
+    of_cells = [tags for _, _, tags in draft.blocks if tags is not None]
+    for names, found in (
+        (draft.cell_names, np.concatenate(of_cells) if of_cells else np.zeros(0)),
+        (draft.facet_names, np.zeros(0) if draft.facet_tags is None else draft.facet_tags),
+    ):
+        names.update({tag: name for tag, name in families.items() if np.any(found == tag)})
 
 
 def _names(other: Any) -> dict[str, tuple[int, int]]:
@@ -154,14 +167,9 @@ def _names(other: Any) -> dict[str, tuple[int, int]]:
 
 def _tags(other: Any) -> list[Any]:
     """Return the tags of every block: of the first name that has whole numbers, or of sets that do not overlap."""
-    for name in _TAG_NAMES:
-        values = other.cell_data.get(name)
-        if values is None:
-            continue
-        values = [np.asarray(value) for value in values]
-        if all(value.ndim == 1 and _whole(value) for value in values) and any(np.any(value) for value in values):
-            return [value.astype(np.int64) for value in values]
-    sets = {name: blocks for name, blocks in (other.cell_sets or {}).items() if not name.startswith("gmsh:")}
+    if numbered := _numbered(other):
+        return numbered
+    sets = _sets(other)
     if not sets:
         return [None] * len(other.cells)
     tags = [np.zeros(len(block.data), dtype=np.int64) for block in other.cells]
@@ -170,6 +178,22 @@ def _tags(other: Any) -> list[Any]:
             if members is not None and len(members):
                 tag[np.asarray(members, dtype=np.int64)] = number
     return tags
+
+
+def _numbered(other: Any) -> list[Any]:
+    """Return the tags of every block that stand in the file as numbers, or nothing."""
+    for name in _TAG_NAMES:
+        values = other.cell_data.get(name)
+        if values is None:
+            continue
+        values = [np.asarray(value) for value in values]
+        if all(value.ndim == 1 and _whole(value) for value in values) and any(np.any(value) for value in values):
+            return [value.astype(np.int64) for value in values]
+    return []
+
+
+def _sets(other: Any) -> dict[str, Any]:
+    return {name: blocks for name, blocks in (other.cell_sets or {}).items() if not name.startswith("gmsh:")}
 
 
 def _whole(values: Any) -> bool:
@@ -193,8 +217,10 @@ def meshio_from_draft(draft: Draft, tag_name: str = "cell_tags") -> Any:
         cell_data[tag_name] = [np.zeros(len(cells), np.int64) if tags is None else tags for _, cells, tags in blocks]
         if tag_name == "gmsh:physical":  # the format wants both
             cell_data["gmsh:geometrical"] = cell_data[tag_name]
-    names = {name: np.array([tag, 1]) for tag, name in draft.facet_names.items()}
-    names |= {name: np.array([tag, 2]) for tag, name in draft.cell_names.items()}
+    dim = 2 if any(np.shape(cells)[1] > 2 for _, cells, _ in draft.blocks) else 1
+    names = {name: np.array([tag, dim]) for tag, name in draft.cell_names.items()}
+    for tag, name in draft.facet_names.items():  # meshio has one name for one group, gmsh one for each dimension
+        names[f"{name} (facets)" if name in names else name] = np.array([tag, dim - 1])
     return meshio().Mesh(
         np.array(draft.points),
         [(kind, np.asarray(cells)) for kind, cells, _ in blocks],

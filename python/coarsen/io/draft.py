@@ -87,6 +87,8 @@ class Draft:
             "facet_tags": facet_tags,
             "cell_tags": tags,
             "point_data": self.point_data or None,
+            "facet_names": None if facet_tags is None else self.facet_names,
+            "cell_names": None if tags is None else self.cell_names,
         }
         if repair:
             mesh, report = Mesh.repaired(points, cells, **given)
@@ -199,4 +201,6 @@ def drafted(mesh: Mesh) -> Draft:
         facets=mesh.facets,
         facet_tags=mesh.facet_tags,
         point_data=dict(mesh.point_data or {}),
+        facet_names=mesh.facet_names or {},
+        cell_names=mesh.cell_names or {},
     )

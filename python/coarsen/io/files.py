@@ -177,7 +177,7 @@ def convert(
     split_quads: bool = False,
     repair: bool = False,
 ) -> tuple[Mesh, str]:
-    """Read one file and write another, with the names of tags where both formats have them.
+    """Read one file and write another.
 
     Returns
     -------
@@ -185,11 +185,8 @@ def convert(
         What was written, and what a repair did.
     """
     family_of(Path(target), write=True)
-    draft = read_draft(source)
-    mesh, told = _judged(draft, source, split_quads=split_quads, repair=repair)
-    result = drafted(mesh)
-    result.facet_names, result.cell_names = draft.facet_names, draft.cell_names
-    write_draft(result, target)
+    mesh, told = read_and_tell(source, split_quads=split_quads, repair=repair)
+    write(mesh, target)
     return mesh, told
 
 

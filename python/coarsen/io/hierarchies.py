@@ -156,6 +156,8 @@ def save_hierarchy(h: Hierarchy, path: str | os.PathLike[str], *, operators: boo
         "stopped": h.stopped,
         "options": options,
         "levels": levels,
+        "facet_names": h[0].mesh.facet_names,
+        "cell_names": h[0].mesh.cell_names,
     }
     arrays[HIERARCHY_KEY] = np.array(json.dumps(head))
     with aside(path) as place, place.open("wb") as out:
@@ -204,6 +206,10 @@ def _assembled(arrays: dict[str, Any]) -> Hierarchy:
         raise ValueError(f"layout {head['version']}, this version reads {VERSION}")
     points = arrays["points"]
     fields = {name.partition(":")[2]: array for name, array in arrays.items() if name.startswith("point_data:")}
+    names = {
+        which: {int(tag): str(name) for tag, name in (head.get(which) or {}).items()}
+        for which in ("facet_names", "cell_names")
+    }
     levels = []
     for i, told in enumerate(head["levels"]):
         nodes = arrays[f"{i}:nodes"]
@@ -224,6 +230,7 @@ def _assembled(arrays: dict[str, Any]) -> Hierarchy:
             facet_tags=arrays.get(f"{i}:facet_tags"),
             cell_tags=arrays.get(f"{i}:cell_tags"),
             point_data={name: values if i == 0 else values[nodes] for name, values in fields.items()} or None,
+            **names,
         )
         levels.append(
             Level(

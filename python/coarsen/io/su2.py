@@ -2,7 +2,8 @@
 
 After the SU2 documentation, "Mesh File". Cells are ``type nodes… [number]`` with VTK types (3 line, 5 triangle, 9
 quadrilateral, …). Markers become facet tags 0, 1, … in the order they first come, with their names; of several zones
-each gets a cell tag 1, 2, ….
+each gets a cell tag 1, 2, …. Files that we write say in comments at their head which tag a marker has and what it is
+called, where SU2 would not take the name (it wants one word).
 """
 
 from __future__ import annotations
@@ -26,9 +27,19 @@ _KINDS = {
 _KINDS |= {13: ("wedge", 6), 14: ("pyramid", 5)}
 
 
+_TOLD = re.compile(r"%\s*marker (-?\d+) (.+)$")
+
+
+def _word(name: str) -> str:
+    """Return a name as SU2 takes it."""
+    return re.sub(r"[\s%=]+", "_", name)
+
+
 def read_su2(path: Path) -> Draft:
     """Read all zones; nodes are numbered on from zone to zone."""
-    lines = [line.split("%")[0].strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+    raw = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    told = {_word(found[2]): (int(found[1]), found[2]) for line in raw if (found := _TOLD.match(line))}
+    lines = [line.split("%")[0].strip() for line in raw]
     points: list[Any] = []
     cells: dict[str, list[list[int]]] = {}
     zones: dict[str, list[int]] = {}
@@ -60,7 +71,8 @@ def read_su2(path: Path) -> Draft:
                 cells.setdefault(kind, []).append([int(node) + start for node in row[1 : 1 + corners]])
                 zones.setdefault(kind, []).append(zone)
         elif key == "MARKER_TAG":
-            tag = names.setdefault(value, _tag_of(value, names))
+            number, name = told.get(value, (None, value))
+            tag = names.setdefault(name, _tag_of(name, names) if number is None else number)
         elif key == "MARKER_ELEMS":
             rows, at = _rows(lines, at, int(value), key, path)
             for row in rows:
@@ -125,6 +137,7 @@ def write_su2(draft: Draft, path: Path) -> None:
     if cells.shape[1] != 3:
         raise MeshError("this format holds triangles only")
     with path.open("w", encoding="utf-8") as out:
+        out.writelines(f"% marker {tag} {name}\n" for tag, name in draft.facet_names.items())
         out.write(f"NDIME= 2\nNELEM= {len(cells)}\n")
         out.writelines(f"5 {a} {b} {c} {k}\n" for k, (a, b, c) in enumerate(cells.tolist()))
         out.write(f"NPOIN= {len(draft.points)}\n")
@@ -135,5 +148,7 @@ def write_su2(draft: Draft, path: Path) -> None:
         out.write(f"NMARK= {len(order)}\n")
         for tag in order.tolist():
             chosen = facets[tags == tag].tolist()
-            out.write(f"MARKER_TAG= {draft.facet_names.get(tag, f'marker_{tag}')}\nMARKER_ELEMS= {len(chosen)}\n")
+            out.write(
+                f"MARKER_TAG= {_word(draft.facet_names.get(tag, f'marker_{tag}'))}\nMARKER_ELEMS= {len(chosen)}\n"
+            )
             out.writelines(f"3 {a} {b}\n" for a, b in chosen)

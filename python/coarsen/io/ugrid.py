@@ -49,6 +49,7 @@ def read_ugrid(path: Path) -> Draft:
         if facets in variables and (facets == _attribute(mesh, "boundary_node_connectivity") or tags is not None):
             draft.facets = _connectivity(variables[facets], len(x), _attribute(mesh, "edge_dimension"))
             draft.facet_tags = None if tags is None else np.asarray(tags[:])
+            draft.facet_names = {} if tags is None else _flags(tags)
         node_dim = variables[_attribute(mesh, "node_coordinates").split()[0]].dimensions[0]
         skipped = {
             *_attribute(mesh, "node_coordinates").split(),
@@ -59,6 +60,7 @@ def read_ugrid(path: Path) -> Draft:
         _fields(draft, file, node_dim, skipped)
         if "cell_tags" in variables and np.shape(variables["cell_tags"]) == (len(faces),):
             _share(draft, faces, np.asarray(variables["cell_tags"][:]))
+            draft.cell_names = _flags(variables["cell_tags"])
         return draft
 
 
@@ -182,14 +184,14 @@ def write_ugrid(draft: Draft, path: Path) -> None:
             file.createVariable(name, "f8", ("node",))[:] = column
         _indices(file, "face_nodes", ("face", "three"), cells)
         if tags is not None:
-            file.createVariable("cell_tags", "i8", ("face",))[:] = tags
+            _write_tags(file, "cell_tags", "face", tags, draft.cell_names)
         if draft.facets is not None and len(draft.facets):
             file.createDimension("facet", len(draft.facets))
             mesh.edge_dimension = "facet"
             mesh.boundary_node_connectivity = "facet_nodes"
             _indices(file, "facet_nodes", ("facet", "two"), draft.facets)
             if draft.facet_tags is not None:
-                file.createVariable("facet_tags", "i8", ("facet",))[:] = draft.facet_tags
+                _write_tags(file, "facet_tags", "facet", draft.facet_tags, draft.facet_names)
         for name, values in draft.point_data.items():
             columns = np.asarray(values).reshape(len(draft.points), -1).T
             for k, column in enumerate(columns):
@@ -200,6 +202,20 @@ def write_ugrid(draft: Draft, path: Path) -> None:
                 )
                 field.setncatts({"mesh": "mesh", "location": "node"})
                 field[:] = column
+
+
+def _write_tags(file: Any, name: str, dimension: str, tags: Any, names: dict[int, str]) -> None:
+    """Write tags, and their names as the flags of the CF conventions, which are words."""
+    variable = file.createVariable(name, "i8", (dimension,))
+    variable[:] = tags
+    if names:
+        variable.flag_values = np.array(list(names), np.int64)
+        variable.flag_meanings = " ".join("_".join(text.split()) or "_" for text in names.values())
+
+
+def _flags(variable: Any) -> dict[int, str]:
+    values = np.atleast_1d(_attribute(variable, "flag_values", []))
+    return dict(zip(values.tolist(), str(_attribute(variable, "flag_meanings")).split(), strict=False))
 
 
 def _indices(file: Any, name: str, dimensions: tuple[str, str], values: Any) -> None:
