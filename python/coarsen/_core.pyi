@@ -1,7 +1,7 @@
 """The Rust core; `coarsen.reference` offers the same functions in NumPy."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, final
 
 import numpy as np
 import numpy.typing as npt
@@ -100,3 +100,11 @@ def overlap(
     threads: int | None,
 ) -> _Rows: ...
 def galerkin(a: _Csr, p: _Csr, least: float, threads: int | None) -> tuple[_Rows, _Rows]: ...
+
+@final
+class Cycle:
+    def __new__(cls, stages: list[tuple[_Csr, _Csr, _Csr]], coarsest: _Csr) -> Cycle: ...
+    def solve(
+        self, a: _Csr, b: _Floats, tolerance: float, iterations: int, accelerated: bool, threads: int | None
+    ) -> tuple[_Floats, _Floats]: ...
+    def precondition(self, r: _Floats, threads: int | None) -> _Floats: ...

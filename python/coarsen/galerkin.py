@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from coarsen.mesh import Mesh
     from coarsen.multilevel import Hierarchy
 
-WEAK = 0.004
+WEAK = 0.002
 """Galerkin's entries under this, relative to the roots of both diagonals, are weak. 0.01 would cost an iteration."""
 
 SHRINK = 0.7
@@ -80,8 +80,13 @@ def stages(
     block_size: int = 1,
     operators: Operators | None = None,
     max_coarse: int = 200,
+    singular: bool = False,
 ) -> list[Stage]:
-    """Return operators and prolongations, finest first; the parameters are those of `multigrid.pyamg_solver`."""
+    """Return operators and prolongations, finest first; the parameters are those of `multigrid.pyamg_solver`.
+
+    With `singular`, where the one unknown that is held only chooses the constant, the finest stage is that of the
+    whole, singular matrix, and it is left to the caller to choose the constant.
+    """
     finest, mask = finest_matrix(A, hierarchy, free, dirichlet, block_size)
     whole = whole_matrix(finest, mask) if block_size == 1 else None
     matrix = finest if whole is None else whole
@@ -119,9 +124,13 @@ def stages(
         made.append((i, matrix, prolongation, restriction))
         matrix, i = coarse, j
     made.append((i, matrix, None, None))
-    if whole is not None and len(made) > 1:
-        made = _gauged(made, finest, mask)
-    gauge = None if whole is None else np.asarray(finest.sum(axis=1)).ravel()
+    gauge = None
+    if whole is not None and len(made) == 1:
+        made = [(0, finest, None, None)]
+    elif whole is not None:
+        made = _grounded(made)
+        gauge = np.asarray(finest.sum(axis=1)).ravel()
+        made = made if singular else _gauged(made, finest, mask)
     return [Stage(*stage, gauge if k == 0 else None) for k, stage in enumerate(made)]
 
 
@@ -189,24 +198,27 @@ def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | No
     return as_csr(coo_matrix((values, (row, column)), shape=(len(mask), len(mask))))
 
 
-def _gauged(made: list[tuple[int, Any, Any, Any]], finest: csr_matrix, mask: NDArray[np.bool_]) -> list[Any]:
-    """Choose the constant: the finest stage subtracts the held unknown, the coarsest one leaves an unknown out."""
-    from scipy.sparse import csr_matrix, vstack
-
+def _grounded(made: list[tuple[int, Any, Any, Any]]) -> list[tuple[int, Any, Any, Any]]:
+    """Leave out an unknown of the coarsest stage: up to constants, which no stage feels, nothing is lost."""
     level, matrix, prolongation, restriction = made[-2]
-    # values at the unknown left out are 0 there: the same functions, up to constants, that stage -2 does not feel
     keep = np.arange(prolongation.shape[1]) > 0
     prolongation = transfer.reduced(prolongation, np.ones(prolongation.shape[0], dtype=bool), keep)
-    made[-2] = (level, matrix, prolongation, restriction[1:])
-    level, matrix, *_ = made[-1]
-    made[-1] = (level, transfer.reduced(matrix, keep, keep), None, None)
-    level, matrix, prolongation, restriction = made[0]
-    row = prolongation[np.argmin(mask)]
+    last = (made[-1][0], transfer.reduced(made[-1][1], keep, keep), None, None)
+    return [*made[:-2], (level, matrix, prolongation, restriction[1:]), last]
+
+
+def _gauged(
+    made: list[tuple[int, Any, Any, Any]], finest: csr_matrix, mask: NDArray[np.bool_]
+) -> list[tuple[int, Any, Any, Any]]:
+    """Choose the constant: what comes from the coarse stages is 0 at the held unknown."""
+    from scipy.sparse import csr_matrix, vstack
+
+    level, _, prolongation, _ = made[0]
+    row = prolongation[int(np.argmin(mask))]
     ones = csr_matrix(np.ones((finest.shape[0], 1)))
     prolongation = as_csr(prolongation[mask] - ones @ row)
     prolongation.sort_indices()
-    made[0] = (level, finest, prolongation, vstack([prolongation.T], format="csr"))
-    return made
+    return [(level, finest, prolongation, vstack([prolongation.T], format="csr")), *made[1:]]
 
 
 def _with_aggregates(

@@ -13,6 +13,7 @@ import numpy as np
 from coarsen import transfer
 from coarsen.galerkin import Operators, stages
 from coarsen.mesh import Mesh
+from coarsen.vcycle import Solver, solver
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,11 +22,13 @@ if TYPE_CHECKING:
 
     from coarsen.multilevel import Hierarchy
 
+__all__ = ["SMOOTHER", "Solver", "from_skfem", "laplacian", "petsc_pcmg", "pyamg_solver", "solver", "to_skfem"]
+
 SMOOTHER = ("gauss_seidel", {"sweep": "symmetric", "iterations": 1})
 """One symmetric Gauss-Seidel sweep, in PyAMG's words."""
 
 DENSE = 400
-"""Up to this many unknowns the coarsest level is solved by a dense pseudo-inverse, which bears singular matrices."""
+"""Up to this many unknowns a dense pseudo-inverse is affordable."""
 
 
 def pyamg_solver(
@@ -63,7 +66,7 @@ def pyamg_solver(
     presmoother, postsmoother
         As for ``pyamg.smoothed_aggregation_solver``.
     coarse_solver
-        As for PyAMG; by default ``"pinv"`` for up to 400 unknowns, else ``"splu"``.
+        As for PyAMG; by default ``"splu"``, or ``"pinv"`` where nothing is held and the matrix may be singular.
     max_coarse : int
         The first level with at most this many unknowns is the last.
 
@@ -102,12 +105,13 @@ def pyamg_solver(
             level.P, level.R = stage.P, stage.R
         levels.append(level)
     if coarse_solver is None:
-        coarse_solver = "pinv" if levels[-1].A.shape[0] <= DENSE else "splu"
-    solver = MultilevelSolver(levels, coarse_solver=coarse_solver)
-    change_smoothers(solver, presmoother, postsmoother)
+        held = levels[0].A.shape[0] < hierarchy[0].mesh.n_points * block_size
+        coarse_solver = "splu" if held or levels[-1].A.shape[0] > DENSE else "pinv"
+    cycles = MultilevelSolver(levels, coarse_solver=coarse_solver)
+    change_smoothers(cycles, presmoother, postsmoother)
     if made[0].gauge is not None and presmoother == postsmoother == SMOOTHER and len(levels) > 1:
         levels[0].presmoother = levels[0].postsmoother = _with_held_node(made[0].gauge)
-    return solver
+    return cycles
 
 
 def petsc_pcmg(

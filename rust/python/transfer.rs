@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::halfedges::HalfEdges;
 use crate::transfer::rows::{Rows, RowsRef};
-use crate::transfer::{galerkin, overlap, prolongation};
+use crate::transfer::{cycle, galerkin, overlap, prolongation};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 
@@ -108,9 +108,59 @@ fn py_galerkin<'py>(
     Ok((matrix(py, restriction), matrix(py, made)))
 }
 
+/// A V-cycle on matrices that `coarsen.galerkin` made.
+#[pyclass(frozen, module = "coarsen._core")]
+struct Cycle {
+    inner: cycle::Cycle,
+}
+
+#[pymethods]
+impl Cycle {
+    /// `stages` are (A, P, R), finest first; `coarsest` is the last A.
+    #[new]
+    fn new(py: Python<'_>, stages: Vec<(PyRows<'_>, PyRows<'_>, PyRows<'_>)>, coarsest: PyRows<'_>) -> PyResult<Self> {
+        let mut made = Vec::new();
+        for (a, p, r) in &stages {
+            made.push((a.view("A")?, p.view("P")?, r.view("R")?));
+        }
+        let last = coarsest.view("A")?;
+        Ok(Self { inner: py.detach(|| cycle::Cycle::new(&made, last))? })
+    }
+
+    /// The solution, and the norms of the residuals.
+    #[allow(clippy::too_many_arguments, clippy::type_complexity)]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        a: PyRows<'py>,
+        b: PyReadonlyArray1<'py, f64>,
+        tolerance: f64,
+        iterations: usize,
+        accelerated: bool,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let (a, b) = (a.view("A")?, super::arrays::values("b", &b, self.inner.size())?);
+        let goal = cycle::Goal { tolerance, iterations, accelerated };
+        let (x, norms) = run(py, threads, None, |progress| cycle::solve(&self.inner, a, b, goal, progress))?;
+        Ok((x.into_pyarray(py), norms.into_pyarray(py)))
+    }
+
+    /// One cycle on a residual.
+    fn precondition<'py>(
+        &self,
+        py: Python<'py>,
+        r: PyReadonlyArray1<'py, f64>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let r = super::arrays::values("r", &r, self.inner.size())?;
+        Ok(run(py, threads, None, |_| cycle::precondition(&self.inner, r))?.into_pyarray(py))
+    }
+}
+
 /// Adds this file's functions to the module.
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(py_prolongation, m)?)?;
     m.add_function(wrap_pyfunction!(py_overlap, m)?)?;
+    m.add_class::<Cycle>()?;
     m.add_function(wrap_pyfunction!(py_galerkin, m)?)
 }

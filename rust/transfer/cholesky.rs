@@ -1,0 +1,55 @@
+//! The dense factor of the coarsest matrix of a multigrid.
+
+use super::rows::RowsRef;
+use crate::error::Error;
+
+/// A dense lower factor.
+pub struct Cholesky {
+    /// Unknowns.
+    pub size: usize,
+    lower: Vec<f64>,
+}
+
+impl Cholesky {
+    /// Factors a matrix. Runtime: O(n³), for some hundreds of unknowns.
+    pub fn new(a: RowsRef<'_>) -> Result<Self, Error> {
+        let size = a.len();
+        let mut lower = vec![0.0; size * size];
+        for i in 0..size {
+            let (columns, values) = a.row(i);
+            columns.iter().zip(values).for_each(|(&j, value)| lower[i * size + j as usize] += value);
+        }
+        for i in 0..size {
+            for j in 0..=i {
+                let (row, other) = (&lower[i * size..i * size + j], &lower[j * size..j * size + j]);
+                let left = lower[i * size + j] - row.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
+                lower[i * size + j] = if i > j {
+                    left / lower[j * size + j]
+                } else if left > 0.0 {
+                    left.sqrt()
+                } else {
+                    let text = "the coarsest matrix is not positive definite: hold an unknown, or use another solver";
+                    return Err(Error::Argument(text.into()));
+                };
+            }
+        }
+        Ok(Self { size, lower })
+    }
+
+    /// Solves for `x`.
+    pub fn solve(&self, b: &[f32], x: &mut [f32]) {
+        let n = self.size;
+        let mut y: Vec<f64> = b.iter().map(|&value| f64::from(value)).collect();
+        for i in 0..n {
+            let sum: f64 = (0..i).map(|j| self.lower[i * n + j] * y[j]).sum();
+            y[i] = (y[i] - sum) / self.lower[i * n + i];
+        }
+        for i in (0..n).rev() {
+            y[i] /= self.lower[i * n + i];
+            for j in 0..i {
+                y[j] -= self.lower[i * n + j] * y[i];
+            }
+        }
+        x.iter_mut().zip(y).for_each(|(x, y)| *x = y as f32);
+    }
+}

@@ -1,0 +1,177 @@
+"""The package's own solver: PyAMG's cycle on the same stages is its oracle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+from scipy.sparse import csr_matrix, kron
+from scipy.sparse.linalg import cg, spsolve
+
+import coarsen
+from coarsen import galerkin, multigrid, transfer
+from test_multigrid import held
+
+SEED = 11
+KINDS = ["whole", "part", "one"]
+
+
+def small():
+    return coarsen.gallery.lshape(5000)
+
+
+def large():
+    """More rows than a block of a sweep has."""
+    return coarsen.gallery.crack_plate(40_000)
+
+
+@pytest.fixture(scope="module", params=[small, large], ids=lambda make: make.__name__)
+def problem(request):
+    mesh = request.param()
+    return mesh, coarsen.hierarchy(mesh, features="auto"), multigrid.laplacian(mesh)
+
+
+def right_hand_side(solver):
+    return np.random.default_rng(SEED).normal(size=solver.aspreconditioner().shape[0])
+
+
+@pytest.mark.parametrize("kind", ["whole", "part"])
+def test_a_cycle_is_that_of_pyamg_up_to_single_precision_where_a_sweep_has_one_block(kind):
+    pytest.importorskip("pyamg")
+    mesh = small()
+    h, A, free = coarsen.hierarchy(mesh), multigrid.laplacian(mesh), held(mesh, kind)
+    fast, oracle = multigrid.solver(A, h, free), multigrid.pyamg_solver(A, h, free)
+    b = right_hand_side(fast)
+    expected = oracle.solve(b, tol=0, maxiter=1)
+    assert np.linalg.norm(fast.aspreconditioner() @ b - expected) < 2e-6 * np.linalg.norm(expected)
+    norms, theirs = [], []
+    fast.solve(b, maxiter=6, tol=0, accel=None, residuals=norms)
+    oracle.solve(b, maxiter=6, tol=0, residuals=theirs)
+    np.testing.assert_allclose(norms, theirs, rtol=1e-3)
+    # conjugate gradients, too, go the same way
+    with_cg = []
+    fast.solve(b, maxiter=6, tol=0, residuals=with_cg)
+    theirs = [np.linalg.norm(b)]
+    reduced = transfer.reduced(A, free, free)
+    M = oracle.aspreconditioner()
+    cg(reduced, b, M=M, maxiter=6, rtol=0, callback=lambda x: theirs.append(np.linalg.norm(b - reduced @ x)))
+    np.testing.assert_allclose(with_cg, theirs, rtol=1e-2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_needs_as_many_iterations_as_pyamg_with_the_same_stages(problem, kind):
+    pytest.importorskip("pyamg")
+    mesh, h, A = problem
+    free = held(mesh, kind)
+    fast, oracle = multigrid.solver(A, h, free), multigrid.pyamg_solver(A, h, free)
+    assert fast.operator_complexity() == pytest.approx(oracle.operator_complexity(), rel=2e-3)
+    b = right_hand_side(fast)
+    for accel in ("cg", None):
+        ours, theirs = [], []
+        fast.solve(b, accel=accel, residuals=ours)
+        oracle.solve(b, tol=1e-8, accel=accel, residuals=theirs)
+        assert len(ours) <= len(theirs) + 1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_solutions_are_exact_to_double_precision(problem, kind):
+    mesh, h, A = problem
+    free = held(mesh, kind)
+    solver = multigrid.solver(A, h, free)
+    b = right_hand_side(solver)
+    norms = []
+    x = solver.solve(b, tol=1e-11, residuals=norms)
+    reduced = transfer.reduced(A, free, free)
+    assert len(norms) < 20
+    assert norms[-1] <= 1e-11 * norms[0]
+    assert np.linalg.norm(b - reduced @ x) < 1e-10 * np.linalg.norm(b)
+    expected = spsolve(reduced.tocsc(), b)
+    assert np.linalg.norm(x - expected) < 1e-7 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_preconditioner_is_symmetric_and_positive(problem, kind):
+    mesh, h, A = problem
+    M = multigrid.solver(A, h, held(mesh, kind)).aspreconditioner()
+    u, v = np.random.default_rng(SEED).normal(size=(2, M.shape[0]))
+    scale = np.sqrt((u @ (M @ u)) * (v @ (M @ v)))
+    assert u @ (M @ u) > 0
+    assert abs(u @ (M @ v) - v @ (M @ u)) < 1e-5 * scale
+
+
+def test_the_result_never_depends_on_threads():
+    mesh = large()
+    A = multigrid.laplacian(mesh)
+    results = []
+    for threads in (1, 2, 3):
+        h = coarsen.hierarchy(mesh, features="auto", threads=threads)
+        solver = multigrid.solver(A, h, dirichlet="boundary")
+        results.append(solver.solve(right_hand_side(solver), maxiter=3))
+    assert (results[0] == results[1]).all()
+    assert (results[0] == results[2]).all()
+
+
+def test_the_scale_of_the_right_hand_side_is_the_scale_of_the_solution():
+    mesh = small()
+    solver = multigrid.solver(multigrid.laplacian(mesh), coarsen.hierarchy(mesh), dirichlet="boundary")
+    b = right_hand_side(solver)
+    x = solver.solve(b)
+    for scale in (2.0**-400, 2.0**400):
+        np.testing.assert_allclose(solver.solve(scale * b) / scale, x, rtol=1e-6, atol=1e-9)
+    assert (solver.solve(np.zeros_like(b)) == 0).all()
+
+
+def test_two_unknowns_a_node_are_solved_for():
+    mesh = small()
+    two = kron(multigrid.laplacian(mesh), np.array([[2.0, 0.5], [0.5, 1.0]]), format="csr")
+    free = np.repeat(held(mesh, "whole"), 2)
+    solver = multigrid.solver(two, coarsen.hierarchy(mesh), free, block_size=2)
+    norms = []
+    solver.solve(right_hand_side(solver), residuals=norms)
+    assert len(norms) <= 13
+
+
+def test_a_problem_that_one_level_solves():
+    mesh = coarsen.gallery.square(50)
+    A = multigrid.laplacian(mesh)
+    for kind in ("whole", "one"):
+        free = held(mesh, kind)
+        solver = multigrid.solver(A, coarsen.hierarchy(mesh), free)
+        assert len(solver.stages) == 1
+        b = right_hand_side(solver)
+        np.testing.assert_allclose(transfer.reduced(A, free, free) @ solver.solve(b, tol=1e-12), b, atol=1e-10)
+
+
+def test_what_cannot_be_solved_is_refused():
+    mesh = small()
+    h, A = coarsen.hierarchy(mesh), multigrid.laplacian(mesh)
+    with pytest.raises(ValueError, match="not positive definite: hold an unknown"):
+        multigrid.solver(A, h)
+    with pytest.raises(ValueError, match=r"row 0 of a matrix has the diagonal -"):
+        multigrid.solver(-A, h, dirichlet="boundary")
+    solver = multigrid.solver(A, h, dirichlet="boundary")
+    n = solver.aspreconditioner().shape[0]
+    with pytest.raises(ValueError, match=rf"'b' has shape \(3,\), expected \({n},\)"):
+        solver.solve(np.zeros(3))
+    with pytest.raises(ValueError, match="'b' holds numbers that are not finite"):
+        solver.solve(np.full(n, np.nan))
+    with pytest.raises(ValueError, match="'accel' is 'gmres', expected 'cg' or None"):
+        solver.solve(np.zeros(n), accel="gmres")
+    with pytest.raises(ValueError, match="unknowns, expected at most 3000"):
+        multigrid.solver(A, h, dirichlet="boundary", max_coarse=10_000)
+
+
+def test_matrices_of_levels_that_do_not_fit_are_refused():
+    core = coarsen.backend.backend("rust")
+    mesh = small()
+    made = galerkin.stages(multigrid.laplacian(mesh), coarsen.hierarchy(mesh), dirichlet="boundary")
+    stages = [(stage.A, stage.P, stage.R) for stage in made[:-1]]
+    with pytest.raises(ValueError, match="two levels do not fit"):
+        core.Cycle([stages[0], stages[0]], made[-1].A)
+    with pytest.raises(ValueError, match="coarsest matrix does not fit"):
+        core.Cycle(stages, csr_matrix(np.eye(3)))
+    cycle = core.Cycle(stages, made[-1].A)
+    n = stages[0][0].shape[0]
+    with pytest.raises(ValueError, match="'r' has shape"):
+        cycle.precondition(np.zeros(n - 1), None)
