@@ -378,7 +378,7 @@ def test_without_meshio_own_formats_work_and_others_say_how_to_get_it(
     disc.write(tmp_path / "a.npz")
     assert_same_cells(disc, coarsen.read(tmp_path / "a.npz"))
     with pytest.raises(ImportError, match=r"coarsen-mesh\[io\]"):
-        disc.write(tmp_path / "a.vtu")
+        disc.write(tmp_path / "a.vtk")
 
 
 def test_real_meshes_are_read_or_refused_as_their_names_say(meshes: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..errors import MeshError
 from ..mesh import Mesh
-from . import adcirc, bridge, npz, selafin, su2, triangle, ugrid
+from . import adcirc, bridge, npz, selafin, su2, triangle, ugrid, vtu
 from .aside import aside
 from .draft import Draft, drafted
 
@@ -37,6 +37,7 @@ FAMILIES = (
         triangle.write_triangle,
     ),
     Family("SU2", (".su2",), su2.read_su2, su2.write_su2),
+    Family("VTK XML", (".vtu",), bridge.read_through_meshio, vtu.write_vtu),
 )
 
 
