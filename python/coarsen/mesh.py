@@ -348,6 +348,18 @@ class Mesh:
 
         return plot_mesh(self, ax=ax, **options)
 
+    def to_pyvista(self) -> Any:
+        """Return a ``pyvista.UnstructuredGrid`` with tags and nodal fields; see `coarsen.plot.grid_of`."""
+        from .plot import grid_of
+
+        return grid_of(self)
+
+    def view(self, scalars: str | None = None, **options: Any) -> Any:
+        """Show the mesh in a window of PyVista; see `coarsen.plot.view_mesh`."""
+        from .plot import view_mesh
+
+        return view_mesh(self, scalars, **options)
+
     def __repr__(self) -> str:
         plane = self.dim == 2
         parts = [

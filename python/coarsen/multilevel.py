@@ -71,6 +71,12 @@ class Level:
 
         return plot_level(self, ax=ax, **options)
 
+    def to_pyvista(self) -> Any:
+        """Return a ``pyvista.UnstructuredGrid`` with ``node`` and ``spacing``; see `coarsen.plot.level_grid`."""
+        from coarsen.plot import level_grid
+
+        return level_grid(self)
+
     def __repr__(self) -> str:
         return f"Level({self.mesh.n_points} nodes, {self.mesh.n_cells} cells, factor {self.factor:g})"
 
@@ -185,6 +191,12 @@ class Hierarchy(Sequence[Level]):
         from coarsen.plot import plot_hierarchy
 
         return plot_hierarchy(self, **options)
+
+    def view(self, scalars: str | None = "spacing", **options: Any) -> Any:
+        """Show the levels in linked windows of PyVista; see `coarsen.plot.view_hierarchy`."""
+        from coarsen.plot import view_hierarchy
+
+        return view_hierarchy(self, scalars, **options)
 
     def write(self, folder: str | Path, format: str = "vtu") -> list[Path]:
         """Write one file a level, and a series that ParaView opens; see `coarsen.io.write_hierarchy`."""

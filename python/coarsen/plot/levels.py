@@ -140,7 +140,7 @@ def plot_hierarchy(
     chosen = [(i, h[i]) for i in (range(len(h)) if levels is None else levels)]
     if h[0].mesh.dim == 1:
         return _plot_lines(chosen)
-    columns = max(1, min(columns or _columns(len(chosen)), len(chosen)))
+    columns = max(1, min(columns or columns_for(len(chosen)), len(chosen)))
     rows = math.ceil(len(chosen) / columns)
     low, high = h[0].mesh.points.min(axis=0), h[0].mesh.points.max(axis=0)
     tall = float(np.clip((high[1] - low[1]) / max(high[0] - low[0], np.finfo(float).tiny), 0.2, 3.0))
@@ -169,7 +169,7 @@ def plot_hierarchy(
     return figure
 
 
-def _columns(count: int) -> int:
+def columns_for(count: int) -> int:
     """Four in a row, three where that fills the rows better."""
     if count <= 4:
         return count
