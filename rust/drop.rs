@@ -19,10 +19,10 @@ mod trim;
 use crate::domain::{Chord, Domain, Sight};
 use crate::error::Error;
 use crate::hierarchy::Input;
-use crate::level::{Candidates, Choice, LevelMesh, Rules, rank, select_interior};
+use crate::level::{Candidates, Choice, LevelMesh, Rules, select_interior};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
-use crate::selection::greedy;
+use crate::selection::{greedy, rank};
 use std::collections::HashMap;
 
 pub use assemble::Dropped;

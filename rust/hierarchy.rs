@@ -16,13 +16,12 @@ use crate::error::Error;
 use crate::guard::{Guard, Scene, better};
 use crate::kdtree::KdTree;
 use crate::level::{
-    Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, narrow_cells, rank, select, triangulate,
+    Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, narrow_cells, select, triangulate,
 };
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
-use crate::selection::greedy;
+use crate::selection::greedy_in_tiles;
 use crate::spacing::{CoarseSpacing, nearest, threshold};
-use crate::triangulation::sort_spatially;
 use std::borrow::Cow;
 
 /// A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth.
@@ -175,7 +174,7 @@ pub(crate) struct Builder<'a> {
     pub(crate) options: Options,
     pub(crate) progress: &'a Progress,
     pub(crate) domain: &'a Domain,
-    spacing: Spacing<'a>,
+    spacing: &'a Spacing<'a>,
     /// Levels between a pool and the level that draws from it.
     lag: usize,
     euler: i64,
@@ -194,15 +193,14 @@ pub type Hierarchy = (Vec<Level>, Stopped, Vec<f64>);
 pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Result<Hierarchy, Error> {
     progress.enter(0, 1)?;
     let domain = Domain::new(input.points, input.facets, options.cos_feature)?;
-    let nodes = candidate_nodes(input.points, &domain);
-    let points: Vec<Point<2>> = nodes.iter().map(|&i| input.points[i as usize]).collect();
-    let tree = KdTree::new(&points);
+    let all = candidates(input.points, &domain);
+    let (tree, nodes): (&KdTree<2>, &[u32]) = (&all.tree, &all.nodes);
     progress.enter(1, 1)?;
     let g = match input.spacing {
-        None => nearest(&tree, progress)?,
-        Some(spacing) => candidate_spacing(spacing, &domain, &nodes),
+        None => nearest(tree, progress)?,
+        Some(spacing) => candidate_spacing(spacing, &domain, nodes),
     };
-    let finest = spacing_at_nodes(&g, &domain, &nodes, input.points.len());
+    let finest = spacing_at_nodes(&g, &domain, nodes, input.points.len());
     if options.method == Method::Mis {
         let (levels, stopped) = crate::skeleton::hierarchy(input.points, input.cells, &domain, options, progress)?;
         return Ok((levels, stopped, finest));
@@ -212,15 +210,25 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         cap.resize(nodes.len(), f64::INFINITY);
         cap
     });
-    let base = Base { input, options, progress, domain: &domain, tree: &tree, points: &points, nodes: &nodes, g: &g };
-    let mut builder = base.builder(cap.as_deref())?;
+    let base = Base { input, options, progress, domain: &domain, all: &all, g: &g };
+    let spacing = base.spacing(cap.as_deref())?;
+    let mut builder = base.builder(&spacing);
     let (mut levels, mut stopped) = match options.drop {
         Drop::Never => {
             let (depth, stopped) = match options.levels {
                 Some(levels) => (levels, Stopped::Levels),
                 None => builder.depth()?,
             };
-            (builder.levels(depth, Choice::default())?, stopped)
+            // the spacing of the finest level waits for nothing: it fills the pauses of the other threads
+            let (coarse, first) = rayon::join(
+                || builder.levels(2, depth, Choice::default()),
+                || spacing.at_all(options.factor, progress),
+            );
+            let (mut levels, seeds) = coarse?;
+            if depth > 0 {
+                levels.insert(0, builder.level(1, &seeds, first?)?.0);
+            }
+            (levels, stopped)
         }
         Drop::Always => {
             let depth = options.levels.map_or_else(|| builder.drop_depth(), Ok)?;
@@ -228,7 +236,8 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         }
         Drop::Auto => {
             let (last, is_enough, inside) = builder.last_worth_keeping()?;
-            let mut plain = base.builder(None)?;
+            let free = base.spacing(None)?;
+            let mut plain = base.builder(&free);
             if let Some(inside) = inside {
                 plain.draw_from(inside);
             }
@@ -238,7 +247,7 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
                 None => plain.drop_depth()?.max(last + 1),
             };
             let (dropped, seeds) = plain.drop_levels(last + 1, depth)?;
-            let mut levels = builder.levels(last, seeds)?;
+            let mut levels = builder.levels(1, last, seeds)?.0;
             levels.extend(dropped);
             (levels, Stopped::Levels)
         }
@@ -258,59 +267,82 @@ struct Base<'a> {
     options: Options,
     progress: &'a Progress,
     domain: &'a Domain,
-    /// All candidates.
-    tree: &'a KdTree<2>,
-    points: &'a [Point<2>],
-    nodes: &'a [u32],
-    /// Spacing of the input at them.
+    all: &'a Candidates<'a>,
+    /// Spacing of the input at all candidates.
     g: &'a [f64],
 }
 
 impl<'a> Base<'a> {
-    /// A builder whose spacing is held under a cap.
-    fn builder(&self, cap: Option<&[f64]>) -> Result<Builder<'a>, Error> {
-        let gradation = self.options.rules.gradation;
-        let spacing = match self.options.method {
-            Method::Function | Method::Mis => Spacing::Function(CoarseSpacing::new(self.tree, self.g, cap, gradation)),
+    /// The spacing of the levels, held under a cap.
+    fn spacing(&self, cap: Option<&[f64]>) -> Result<Spacing<'a>, Error> {
+        let (tree, gradation): (&KdTree<2>, f64) = (&self.all.tree, self.options.rules.gradation);
+        Ok(match self.options.method {
+            Method::Function | Method::Mis => Spacing::Function(CoarseSpacing::new(tree, self.g, cap, gradation)),
             Method::Threshold => {
                 let free = vec![f64::INFINITY; self.g.len()];
                 let held = match cap {
-                    Some(_) => CoarseSpacing::new(self.tree, &free, cap, gradation).at_points(1.0, self.progress)?,
+                    Some(_) => CoarseSpacing::new(tree, &free, cap, gradation).at_points(1.0, self.progress)?,
                     None => free,
                 };
                 Spacing::Threshold { g: self.g.to_vec(), held }
             }
-        };
+        })
+    }
+
+    fn builder(&self, spacing: &'a Spacing<'a>) -> Builder<'a> {
         let input = self.input;
         let boundary = input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).count() as i64;
         let cells = input.cells.len() as i64;
-        let candidates =
-            Candidates { tree: Cow::Borrowed(self.tree), points: self.points.to_vec(), nodes: self.nodes.to_vec() };
-        let members = (0..self.nodes.len() as u32).collect();
-        Ok(Builder {
+        let members = (0..self.all.nodes.len() as u32).collect();
+        Builder {
             lag: (4f64.ln() / self.options.factor.ln()).ceil().clamp(1.0, 64.0) as usize,
             euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
             candidate_of: vec![NONE; input.points.len()],
             at_hand: usize::MAX,
-            pools: vec![Pool { candidates, members, f: Vec::new(), visits: 0 }],
+            pools: vec![Pool { candidates: self.all.borrowed(), members, f: Vec::new(), visits: 0 }],
             input,
             options: self.options,
             progress: self.progress,
             domain: self.domain,
             spacing,
-        })
+        }
     }
 }
 
-/// Nodes of the candidates: facet vertices, then interior nodes in a spatial order.
-fn candidate_nodes(points: &[Point<2>], domain: &Domain) -> Vec<u32> {
+impl Spacing<'_> {
+    /// f for a factor at all candidates.
+    fn at_all(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
+        match self {
+            Spacing::Function(spacing) => spacing.at_points(factor, progress),
+            Spacing::Threshold { g, held } => {
+                Ok(threshold(g, factor).iter().zip(held).map(|(own, &held)| own.min(held)).collect())
+            }
+        }
+    }
+}
+
+/// All nodes as candidates: facet vertices, then interior nodes in the order of the tree's leaves, a spatial one.
+fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
+    let facets = domain.len();
     let mut on_facet = vec![false; points.len()];
     domain.nodes().iter().for_each(|&node| on_facet[node as usize] = true);
-    let mut interior: Vec<u32> = (0..points.len() as u32).filter(|&i| !on_facet[i as usize]).collect();
-    sort_spatially(&mut interior, |i| points[i as usize]);
-    let mut nodes: Vec<u32> = (0..domain.len() as u32).map(|v| domain.copies(v)[0]).collect();
-    nodes.append(&mut interior);
-    nodes
+    let mut nodes: Vec<u32> = (0..facets as u32).map(|v| domain.copies(v)[0]).collect();
+    nodes.extend((0..points.len() as u32).filter(|&i| !on_facet[i as usize]));
+    let place: Vec<Point<2>> = nodes.iter().map(|&i| points[i as usize]).collect();
+    let tree = KdTree::new(&place);
+    let mut numbers: Vec<u32> = (0..nodes.len() as u32).collect();
+    let interior = tree.order().iter().filter(|&&k| k as usize >= facets);
+    let sorted: Vec<u32> = interior
+        .zip(facets as u32..)
+        .map(|(&k, number)| {
+            numbers[k as usize] = number;
+            nodes[k as usize]
+        })
+        .collect();
+    nodes.truncate(facets);
+    nodes.extend(sorted);
+    let place = nodes.iter().map(|&i| points[i as usize]).collect();
+    Candidates { tree: Cow::Owned(tree.renumbered(&numbers)), points: place, nodes: Cow::Owned(nodes) }
 }
 
 /// A given spacing at the candidates, the least of a vertex's copies.
@@ -338,7 +370,7 @@ impl Builder<'_> {
     /// f_i at the candidates of a pool.
     pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
         let factor = self.factor(i);
-        match &self.spacing {
+        match self.spacing {
             Spacing::Function(spacing) => spacing.at_tree(factor, &pool.candidates.tree, self.progress),
             Spacing::Threshold { g, held } => {
                 let own = threshold(g, factor);
@@ -362,18 +394,16 @@ impl Builder<'_> {
             let f = self.spacing_in(level, last)?;
             let finer = self.factor(self.lag);
             let scaled: Vec<f64> = f.iter().map(|value| value / finer).collect();
-            let mut order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
-            rank(&mut order, &f);
-            let mut chosen =
-                greedy(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
+            let order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
             // ascending, so that the spatial order of the finest pool stays
-            chosen.sort_unstable();
+            let chosen =
+                greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
             let picked: Vec<u32> = (0..facets as u32).chain(chosen).collect();
             let points: Vec<Point<2>> = picked.iter().map(|&k| last.candidates.points[k as usize]).collect();
             let pool = Pool {
                 candidates: Candidates {
                     tree: Cow::Owned(KdTree::new(&points)),
-                    points,
+                    points: Cow::Owned(points),
                     nodes: picked.iter().map(|&k| last.candidates.nodes[k as usize]).collect(),
                 },
                 members: picked.iter().map(|&k| last.members[k as usize]).collect(),
@@ -399,6 +429,14 @@ impl Builder<'_> {
 
     /// Puts the pool of level i at hand: f_i at its candidates, and its number.
     pub(crate) fn at_hand(&mut self, i: usize) -> Result<(Vec<f64>, usize), Error> {
+        let p = self.put_at_hand(i)?;
+        let pool = &self.pools[p];
+        let f = if p > 0 && i == p + self.lag { pool.f.clone() } else { self.spacing_in(i, pool)? };
+        self.progress.check()?;
+        Ok((f, p))
+    }
+
+    fn put_at_hand(&mut self, i: usize) -> Result<usize, Error> {
         self.progress.enter(2, 1)?;
         let p = self.pool_for(i)?;
         let pool = &self.pools[p];
@@ -408,9 +446,7 @@ impl Builder<'_> {
             }
             self.at_hand = p;
         }
-        let f = if p > 0 && i == p + self.lag { pool.f.clone() } else { self.spacing_in(i, pool)? };
-        self.progress.check()?;
-        Ok((f, p))
+        Ok(p)
     }
 
     /// Selects the nodes of level i.
@@ -433,25 +469,26 @@ impl Builder<'_> {
         self.pools[p].candidates.nodes.len() + if p > 0 && i == p + self.lag { self.pools[p].visits } else { 0 }
     }
 
-    /// Makes levels 1 to `depth`, coarsest first, keeping the nodes of `seeds`; returns the finest first.
-    fn levels(&mut self, depth: usize, mut seeds: Choice) -> Result<Vec<Level>, Error> {
+    /// Makes levels `first` to `last`, coarsest first, keeping the nodes of `seeds`; returns the finest first, and what
+    /// it keeps.
+    fn levels(&mut self, first: usize, last: usize, mut seeds: Choice) -> Result<(Vec<Level>, Choice), Error> {
         let mut levels = Vec::new();
-        for i in (1..=depth).rev() {
-            if !self.options.nested {
-                seeds = Choice::default();
-            }
-            let (level, choice) = self.level(i, &seeds)?;
+        for i in (first..=last).rev() {
+            let f = self.at_hand(i)?.0;
+            let (level, choice) = self.level(i, &seeds, f)?;
             seeds = choice;
             levels.push(level);
         }
         levels.reverse();
-        Ok(levels)
+        Ok((levels, seeds))
     }
 
-    /// Makes level i. Where cells stay narrow next to chords that can be split, it is drawn again with vertices put back
-    /// there, and the better one kept.
-    fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
-        let (f, p) = self.at_hand(i)?;
+    /// Makes level i, whose f at the candidates of its pool this is. Where cells stay narrow next to chords that can be
+    /// split, it is drawn again with vertices put back there, and the better one kept.
+    fn level(&mut self, i: usize, seeds: &Choice, f: Vec<f64>) -> Result<(Level, Choice), Error> {
+        let p = self.put_at_hand(i)?;
+        let none = Choice::default();
+        let seeds = if self.options.nested { seeds } else { &none };
         let mut drawn = self.draw(f.clone(), p, seeds)?;
         if self.options.rules.hold && self.options.min_angle.is_some() {
             let mut seeds = seeds.clone();

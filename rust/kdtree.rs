@@ -1,7 +1,7 @@
 //! Static k-d tree: the one search structure of the package, generic over the dimension.
 //!
 //! Median splits along the widest side of the tight box, ties broken by original index; at most [`LEAF`] points in a
-//! leaf. The nodes form a complete binary tree in heap order (root 1, children `2k` and `2k + 1`), and node `j` of depth
+//! leaf, ascending by index. The nodes form a complete binary tree in heap order (root 1, children `2k` and `2k + 1`), and node `j` of depth
 //! `k` holds the leaf positions `j*n >> k .. (j+1)*n >> k`, so that no ranges are stored. Points are kept in leaf order,
 //! which is a space-filling order too: whoever has many queries asks them in that order.
 //!
@@ -160,6 +160,13 @@ impl<const D: usize> KdTree<D> {
     /// Leaf position → original index.
     pub fn order(&self) -> &[u32] {
         &self.order
+    }
+
+    /// The same tree, the point of index `i` called `numbers[i]` from now on.
+    pub fn renumbered(mut self, numbers: &[u32]) -> Self {
+        self.order.par_iter_mut().for_each(|index| *index = numbers[*index as usize]);
+        self.positions = OnceLock::new();
+        self
     }
 
     /// Original index → leaf position; made when first asked for.
@@ -413,6 +420,7 @@ fn range(node: usize, n: usize) -> Range<usize> {
 /// Brings the items of `node` into leaf order.
 fn arrange<const D: usize>(items: &mut [Item<D>], node: usize, whole: usize, first_leaf: usize) {
     if node >= first_leaf {
+        items.sort_unstable_by_key(|item| item.index);
         return;
     }
     let bounds = Bounds::of(items.iter().map(|item| &item.point));

@@ -6,7 +6,7 @@
 //! (5) a maximal independent set of their conflict graph, after all that was kept before; (6) the constrained Delaunay
 //! triangulation of what is kept, cells outside flooded away.
 //!
-//! The order within a class is that of [`rank`]. Departures from the figure: distances are taken to the
+//! The order within a class is that of [`rank`] and [`greedy_in_tiles`]. Departures from the figure: distances are taken to the
 //! chords rather than to the input's boundary, and chords are repaired; on the unit square both are the same.
 
 use crate::domain::{Chord, Domain, segment_distance_2};
@@ -14,9 +14,8 @@ use crate::error::Error;
 use crate::kdtree::{Bounds, KdTree};
 use crate::point::{NONE, Point, distance};
 use crate::progress::Progress;
-use crate::selection::{conflict_graph, greedy};
+use crate::selection::{conflict_graph, greedy, greedy_in_tiles, rank};
 use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
-use rayon::slice::ParallelSliceMut;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
@@ -25,9 +24,20 @@ pub struct Candidates<'a> {
     /// Candidate `k` is facet vertex `k` for `k < domain.len()`.
     pub tree: Cow<'a, KdTree<2>>,
     /// Their coordinates.
-    pub points: Vec<Point<2>>,
+    pub points: Cow<'a, [Point<2>]>,
     /// Their nodes (the first copy of a facet vertex).
-    pub nodes: Vec<u32>,
+    pub nodes: Cow<'a, [u32]>,
+}
+
+impl Candidates<'_> {
+    /// The same, borrowed from these.
+    pub fn borrowed(&self) -> Candidates<'_> {
+        Candidates {
+            tree: Cow::Borrowed(&self.tree),
+            points: Cow::Borrowed(&self.points),
+            nodes: Cow::Borrowed(&self.nodes),
+        }
+    }
 }
 
 /// The parameters of Figure 2.
@@ -62,14 +72,6 @@ impl Choice {
         let facet: usize = (0..self.kept.len()).filter(|&v| self.kept[v]).map(|v| domain.copies(v as u32).len()).sum();
         facet + self.interior.len()
     }
-}
-
-/// The order of the greedy pass within a class: descending f in steps of about an eighth of an octave, ties by candidate
-/// (facet vertices by node, interior nodes along a Hilbert curve). Neighbours in the order are then neighbours in the plane,
-/// which is several times faster than descending f alone, for levels of the same size.
-pub fn rank(order: &mut [u32], f: &[f64]) {
-    // exponent and the first three bits of the mantissa
-    order.par_sort_unstable_by_key(|&k| (!(f[k as usize].to_bits() >> 49), k));
 }
 
 /// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms).
@@ -141,9 +143,8 @@ pub(crate) fn select_interior(
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
     keep.extend(seeded);
     let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
-    let mut order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
-    rank(&mut order, f);
-    let chosen = greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
+    let order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
+    let chosen = greedy_in_tiles(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
     let mut interior = seeds.interior.clone();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
     Ok((interior, places))

@@ -6,10 +6,9 @@
 use crate::error::Error;
 use crate::hierarchy::{MAX_LEVELS, Method, Options, STALL, Stopped};
 use crate::kdtree::KdTree;
-use crate::level::rank;
 use crate::point::{NONE, Point, distance};
 use crate::progress::Progress;
-use crate::selection::greedy;
+use crate::selection::{greedy, rank};
 use crate::spacing::{CoarseSpacing, nearest, threshold};
 
 /// A coarser level of a line.
@@ -109,6 +108,7 @@ impl Line<'_> {
                 !kept[i as usize] && ends.iter().all(|&end| distance(end, &self.points[i as usize]) >= reach)
             }));
         }
+        order.sort_unstable();
         rank(&mut order, f);
         for i in greedy(&self.tree, f, self.options.rules.beta, &order, &keep, self.progress)? {
             kept[i as usize] = true;

@@ -7,12 +7,18 @@
 //! The greedy set needs no graph: each *selected* point asks once for the ball that holds its conflicts and blocks
 //! them. Nodes of the tree are left out by their greatest f, so the answer is right for any f, Lipschitz or not.
 
+mod tiles;
+
+pub use tiles::{greedy_in_tiles, rank};
+
 use crate::error::Error;
 use crate::kdtree::{GRAIN, KdTree};
 use crate::point::{Point, distance_2};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::HashSet;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Where candidates are fewer than one in so many points of the tree, they get a tree of their own.
 const FEW: usize = 4;
@@ -102,16 +108,53 @@ fn may_conflict<const D: usize>(tree: &KdTree<D>, rule: Rule, node: usize, x: &P
 }
 
 /// The candidates that are still free: their f in leaf order (NaN for all others), and the greatest by node.
+///
+/// Threads may block at once: whoever reads an f sees it as it was or as blocked.
 struct Free<'a, const D: usize> {
     tree: &'a KdTree<D>,
     rule: Rule,
-    f: Vec<f64>,
+    f: Vec<AtomicU64>,
     most: Vec<f64>,
 }
 
 impl<'a, const D: usize> Free<'a, D> {
     fn new(tree: &'a KdTree<D>, rule: Rule, f: Vec<f64>) -> Self {
-        Free { most: tree.node_max(&f), tree, rule, f }
+        let most = tree.node_max(&f);
+        Free { most, tree, rule, f: f.into_iter().map(|f| AtomicU64::new(f.to_bits())).collect() }
+    }
+
+    #[inline(always)]
+    fn f(&self, position: usize) -> f64 {
+        f64::from_bits(self.f[position].load(Ordering::Relaxed))
+    }
+
+    #[inline(always)]
+    fn block(&self, position: usize) {
+        self.f[position].store(f64::NAN.to_bits(), Ordering::Relaxed);
+    }
+
+    /// The f of a candidate that is free, which it then is no more.
+    #[inline(always)]
+    fn take(&self, position: usize) -> Option<f64> {
+        let f = self.f(position);
+        (!f.is_nan()).then(|| {
+            self.block(position);
+            f
+        })
+    }
+
+    /// Blocks all that conflicts with some points.
+    fn block_conflicts(&self, kept: &[(Point<D>, f64)], progress: &Progress) -> Result<(), Error> {
+        kept.par_chunks(ASKED_AT_ONCE).try_for_each(|kept| {
+            progress.check()?;
+            let mut found = Vec::new();
+            for (x, f) in kept {
+                found.clear();
+                self.conflicts(x, *f, &mut found);
+                found.iter().for_each(|&q| self.block(q as usize));
+            }
+            Ok(())
+        })
     }
 
     /// Leaf positions of the free candidates that conflict with x.
@@ -120,7 +163,7 @@ impl<'a, const D: usize> Free<'a, D> {
             |node| may_conflict(self.tree, self.rule, node, x, f + self.most[node]),
             |_, range| {
                 for q in range {
-                    if self.rule.conflict(distance_2(&self.tree.points()[q], x), f + self.f[q]) {
+                    if self.rule.conflict(distance_2(&self.tree.points()[q], x), f + self.f(q)) {
                         found.push(q as u32);
                     }
                 }
@@ -156,46 +199,50 @@ pub fn greedy<const D: usize>(
     keep: &[u32],
     progress: &Progress,
 ) -> Result<Vec<u32>, Error> {
-    let positions = tree.positions();
-    let position = |i: &u32| positions[*i as usize] as usize;
-    let point = |i: &u32| tree.points()[position(i)];
-    let kept: Vec<(Point<D>, f64)> = keep.iter().map(|i| (point(i), f[*i as usize])).collect();
-    let joined = if order.len() * FEW < tree.len() {
+    let board = prepared(tree, f, order, keep);
+    let free = Free::new(&board.tree, Rule::new(beta), board.weights);
+    free.block_conflicts(&board.kept, progress)?;
+    Ok(pass(&free, &board.positions, progress)?.into_iter().map(|k| order[k]).collect())
+}
+
+/// What a greedy pass works on.
+struct Board<'a, const D: usize> {
+    /// Of all points, or of the candidates only where they are few.
+    tree: Cow<'a, KdTree<D>>,
+    /// f in its leaf order, NaN but for the candidates.
+    weights: Vec<f64>,
+    /// Leaf positions of the candidates.
+    positions: Vec<u32>,
+    /// Points that stay, and their f.
+    kept: Vec<(Point<D>, f64)>,
+}
+
+fn prepared<'a, const D: usize>(tree: &'a KdTree<D>, f: &[f64], order: &[u32], keep: &[u32]) -> Board<'a, D> {
+    let all = tree.positions();
+    let point = |i: &u32| tree.points()[all[*i as usize] as usize];
+    let kept = keep.iter().map(|i| (point(i), f[*i as usize])).collect();
+    if order.len() * FEW < tree.len() {
         let points: Vec<Point<D>> = order.iter().map(point).collect();
         let own = KdTree::new(&points);
         let is_kept: HashSet<&u32> = keep.iter().collect();
         let weight = |i: &u32| if is_kept.contains(i) { f64::NAN } else { f[*i as usize] };
         let weights = own.order().iter().map(|&k| weight(&order[k as usize])).collect();
-        let free = Free::new(&own, Rule::new(beta), weights);
-        pass(free, &kept, own.positions(), progress)?
+        Board { positions: own.positions().to_vec(), tree: Cow::Owned(own), weights, kept }
     } else {
+        let positions: Vec<u32> = order.iter().map(|&i| all[i as usize]).collect();
         let mut weights = vec![f64::NAN; tree.len()];
-        order.iter().for_each(|i| weights[position(i)] = f[*i as usize]);
-        keep.iter().for_each(|i| weights[position(i)] = f64::NAN);
-        let free = Free::new(tree, Rule::new(beta), weights);
-        pass(free, &kept, &order.iter().map(|&i| positions[i as usize]).collect::<Vec<_>>(), progress)?
-    };
-    Ok(joined.into_iter().map(|k| order[k]).collect())
+        order.iter().zip(&positions).for_each(|(&i, &p)| weights[p as usize] = f[i as usize]);
+        keep.iter().for_each(|&i| weights[all[i as usize] as usize] = f64::NAN);
+        Board { tree: Cow::Borrowed(tree), weights, positions, kept }
+    }
 }
 
-/// The greedy pass: blocks what conflicts with `kept`, then takes the leaf positions of `order` that are free in turn.
-/// Returns their numbers in `order`.
+/// The greedy pass: takes the leaf positions of `order` that are free in turn. Returns their numbers in `order`.
 ///
 /// The balls are asked for in parallel, a batch of candidates at a time, and blocked in order: an answer is wasted where
 /// the candidate is blocked by an earlier one of its batch, and batches are as large as that stays rare. The result is
 /// the sequential one.
-fn pass<const D: usize>(
-    mut free: Free<'_, D>,
-    kept: &[(Point<D>, f64)],
-    order: &[u32],
-    progress: &Progress,
-) -> Result<Vec<usize>, Error> {
-    for kept in kept.chunks(LARGEST_BATCH) {
-        progress.check()?;
-        for (blocked, _) in free.all_conflicts(kept) {
-            blocked.iter().for_each(|&q| free.f[q as usize] = f64::NAN);
-        }
-    }
+fn pass<const D: usize>(free: &Free<'_, D>, order: &[u32], progress: &Progress) -> Result<Vec<usize>, Error> {
     let mut joined = Vec::new();
     let (mut next, mut batch) = (0, 1);
     let (mut members, mut asked) = (Vec::new(), Vec::new());
@@ -205,9 +252,10 @@ fn pass<const D: usize>(
         asked.clear();
         while next < order.len() && members.len() < batch {
             let p = order[next] as usize;
-            if !free.f[p].is_nan() {
+            let f = free.f(p);
+            if !f.is_nan() {
                 members.push(next);
-                asked.push((free.tree.points()[p], free.f[p]));
+                asked.push((free.tree.points()[p], f));
             }
             next += 1;
         }
@@ -216,10 +264,8 @@ fn pass<const D: usize>(
         for (members, (blocked, ends)) in members.chunks(ASKED_AT_ONCE).zip(&answers) {
             let mut start = 0;
             for (&k, &end) in members.iter().zip(ends) {
-                let p = order[k] as usize;
-                if !free.f[p].is_nan() {
-                    free.f[p] = f64::NAN;
-                    blocked[start..end].iter().for_each(|&q| free.f[q as usize] = f64::NAN);
+                if free.take(order[k] as usize).is_some() {
+                    blocked[start..end].iter().for_each(|&q| free.block(q as usize));
                     joined.push(k);
                 }
                 start = end;

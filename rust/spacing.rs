@@ -164,6 +164,39 @@ impl<const D: usize> Level<'_, '_, D> {
         self.weight(position) + self.spacing.gradation * distance(&self.spacing.tree.points()[position], x)
     }
 
+    /// The least cone of a leaf at x.
+    ///
+    /// Written for vector units: the cones one by one without a branch, then their minimum.
+    #[inline(always)]
+    fn least_cone(&self, range: Range<usize>, x: &Point<D>) -> f64 {
+        let slope = self.spacing.gradation;
+        let mut cones = [f64::INFINITY; LEAF];
+        let cones_of =
+            cones.iter_mut().zip(&self.spacing.tree.points()[range.clone()]).zip(&self.spacing.g[range.clone()]);
+        match &self.spacing.cap {
+            Some(cap) => {
+                for (((cone, p), g), &cap) in cones_of.zip(&cap.at[range]) {
+                    let grown = self.factor * g;
+                    *cone = (if cap < grown { cap } else { grown }) + slope * distance(p, x);
+                }
+            }
+            None => {
+                for ((cone, p), g) in cones_of {
+                    *cone = self.factor * g + slope * distance(p, x);
+                }
+            }
+        }
+        let mut width = LEAF / 2;
+        while width > 0 {
+            for k in 0..width {
+                let other = cones[k + width];
+                cones[k] = if other < cones[k] { other } else { cones[k] };
+            }
+            width /= 2;
+        }
+        cones[0]
+    }
+
     /// f at a few neighbours, which are the points of `leaf` where that is given.
     fn block(&self, leaf: Option<usize>, queries: &[Point<D>], best: &mut [f64], winner: &mut Winner) {
         let around = Bounds::of(queries);
@@ -196,18 +229,17 @@ impl<const D: usize> Level<'_, '_, D> {
                 let (bounds, least) = (tree.bounds(node), self.least[node]);
                 // copies of one point: a minimum of rounded sums is the rounded sum with the minimum
                 let lone = bounds.is_location();
-                for (x, best) in queries.iter().zip(best.iter_mut()) {
-                    let bound = least + slope * bounds.distance_2(x).sqrt();
+                let mut bound = [0.0; LEAF];
+                queries.iter().zip(&mut bound).for_each(|(x, b)| *b = least + slope * bounds.distance_2(x).sqrt());
+                for ((x, &bound), best) in queries.iter().zip(&bound).zip(best.iter_mut()) {
                     if bound < *best && lone {
                         *best = bound;
                         *winner = Some(range.start);
                     } else if bound < *best {
-                        for p in range.clone() {
-                            let value = self.cone(p, x);
-                            if value < *best {
-                                *best = value;
-                                *winner = Some(p);
-                            }
+                        let value = self.least_cone(range.clone(), x);
+                        if value < *best {
+                            *best = value;
+                            *winner = range.clone().find(|&p| self.cone(p, x) == value);
                         }
                     }
                 }

@@ -162,10 +162,11 @@ impl Builder<'_> {
                 nodes.append(&mut interior);
                 (f, nodes)
             }
-            None => (self.spacing_in(0, &self.pools[0])?, self.pools[0].candidates.nodes.clone()),
+            None => (self.spacing_in(0, &self.pools[0])?, self.pools[0].candidates.nodes.to_vec()),
         };
         let points: Vec<Point<2>> = all.iter().map(|&node| self.input.points[node as usize]).collect();
-        let candidates = Candidates { tree: Cow::Owned(KdTree::new(&points)), points, nodes: all };
+        let tree = Cow::Owned(KdTree::new(&points));
+        let candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(all) };
         let rules = (self.options.rules, self.options.cos_feature);
         for attempt in 0..MOST_TRIES {
             let scale = self.options.factor * 0.25f64.powi(attempt);
@@ -187,7 +188,8 @@ impl Builder<'_> {
         let finest = &mut self.pools[0];
         let points: Vec<Point<2>> = members.iter().map(|&k| finest.candidates.points[k as usize]).collect();
         let nodes = members.iter().map(|&k| finest.candidates.nodes[k as usize]).collect();
-        finest.candidates = Candidates { tree: Cow::Owned(KdTree::new(&points)), points, nodes };
+        let tree = Cow::Owned(KdTree::new(&points));
+        finest.candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(nodes) };
         finest.members = members;
         self.pools.truncate(1);
         self.at_hand = usize::MAX;
