@@ -1,7 +1,7 @@
 //! Static k-d tree: the one search structure of the package, generic over the dimension.
 //!
 //! Median splits along the widest side of the tight box, ties broken by original index; at most [`LEAF`] points in a
-//! leaf, ascending by index. The nodes form a complete binary tree in heap order (root 1, children `2k` and `2k + 1`), and node `j` of depth
+//! leaf, sorted by coordinates and then index. The nodes form a complete binary tree in heap order (root 1, children `2k` and `2k + 1`), and node `j` of depth
 //! `k` holds the leaf positions `j*n >> k .. (j+1)*n >> k`, so that no ranges are stored. Points are kept in leaf order,
 //! which is a space-filling order too: whoever has many queries asks them in that order.
 //!
@@ -16,6 +16,7 @@
 
 use crate::point::{Point, distance_2};
 use rayon::prelude::*;
+use std::cmp::Ordering;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -420,7 +421,10 @@ fn range(node: usize, n: usize) -> Range<usize> {
 /// Brings the items of `node` into leaf order.
 fn arrange<const D: usize>(items: &mut [Item<D>], node: usize, whole: usize, first_leaf: usize) {
     if node >= first_leaf {
-        items.sort_unstable_by_key(|item| item.index);
+        items.sort_unstable_by(|a, b| {
+            let axes = a.point.iter().zip(&b.point).map(|(a, b)| a.total_cmp(b));
+            axes.fold(Ordering::Equal, Ordering::then).then(a.index.cmp(&b.index))
+        });
         return;
     }
     let bounds = Bounds::of(items.iter().map(|item| &item.point));

@@ -152,6 +152,16 @@ def test_twins_keep_the_same_nodes_of_real_meshes(meshes, name, options):
     assert_twins_agree(mesh, options)
 
 
+def test_twins_keep_the_same_nodes_where_candidates_lie_in_several_tiles():
+    """Up to 16,384 candidates are one tile."""
+    rust, numpy = (
+        coarsen.hierarchy(coarsen.gallery.square(20_000, seed=SEED), features="plain", levels=2, backend=backend)
+        for backend in ("rust", "numpy")
+    )
+    for one, two in zip(rust[1:], numpy[1:], strict=True):
+        np.testing.assert_array_equal(one.nodes, two.nodes)
+
+
 def test_twins_keep_the_same_nodes_of_the_papers_mesh(meshes):
     with np.load(meshes / "crack_5120_f32.npz") as file:
         mesh = coarsen.Mesh(file["points"], file["triangles"])

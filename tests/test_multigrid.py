@@ -179,7 +179,7 @@ def test_few_cycles_solve_poisson_however_the_boundary_is_held(name, kind):
     solver = multigrid.pyamg_solver(multigrid.laplacian(mesh), h, held(mesh, kind))
     b = np.random.default_rng(SEED).normal(size=solver.levels[0].A.shape[0])
     assert cycles(solver, b, accel="cg") <= 9
-    assert cycles(solver, b) <= 14
+    assert cycles(solver, b) <= 15
     assert solver.operator_complexity() <= 1.7
 
 
@@ -192,7 +192,7 @@ def test_few_cycles_solve_poisson_around_an_airfoil(meshes, kind):
     solver = multigrid.pyamg_solver(multigrid.laplacian(mesh), h, held(mesh, kind))
     b = np.random.default_rng(SEED).normal(size=solver.levels[0].A.shape[0])
     assert cycles(solver, b, accel="cg") <= 9
-    assert cycles(solver, b) <= 15
+    assert cycles(solver, b) <= 16
 
 
 def test_the_solution_is_that_of_the_matrix(square):

@@ -5,7 +5,7 @@ mod clouds;
 use _core::kdtree::KdTree;
 use _core::point::{Point, distance};
 use _core::progress::Progress;
-use _core::selection::{conflict_graph, greedy, skeleton_independent_set};
+use _core::selection::{conflict_graph, greedy, greedy_in_tiles, skeleton_independent_set};
 use clouds::{cloud, extent, values};
 use proptest::prelude::*;
 
@@ -138,4 +138,35 @@ fn the_set_is_the_sequential_one_whatever_the_number_of_threads() {
     let keep = &all[..200];
     let rest: Vec<u32> = few.iter().copied().filter(|i| !keep.contains(i)).collect();
     assert_eq!(joined(2, &few, keep), joined(1, &rest, keep));
+}
+
+#[test]
+fn tiles_make_a_maximal_independent_set_whatever_the_number_of_threads() {
+    let n = 60_000u32;
+    let place = |i: u32| [f64::from(i * 7919 % n), f64::from(i * 13 % 50_021)];
+    let points: Vec<Point<2>> = (0..n).map(place).collect();
+    // from few to many neighbours, and jumps that no Lipschitz function has
+    let f: Vec<f64> = (0..n).map(|i| 150.0 + 0.02 * points[i as usize][0] + f64::from(i % 7 * 60)).collect();
+    let keep: Vec<u32> = (0..n).step_by(997).collect();
+    let order: Vec<u32> = (0..n).filter(|i| i % 997 != 0 && i % 5 != 0).collect();
+    let (tree, progress) = (KdTree::new(&points), Progress::default());
+    let joined = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| greedy_in_tiles(&tree, &f, 2.0, &order, &keep, &progress).expect("nobody stops it"))
+    };
+    let all = joined(1);
+    assert_eq!(joined(4), all);
+
+    let mut is_in = vec![false; n as usize];
+    all.iter().for_each(|&i| is_in[i as usize] = true);
+    let mut covered = is_in.clone();
+    let mut is_kept = vec![false; n as usize];
+    keep.iter().for_each(|&i| is_kept[i as usize] = true);
+    for [i, j] in conflict_graph(&tree, &f, 2.0, &progress).expect("nobody stops it") {
+        let [i, j] = [i as usize, j as usize];
+        assert!(!(is_in[i] && (is_in[j] || is_kept[j]) || is_in[j] && is_kept[i]), "{i} and {j} conflict");
+        covered[i] |= is_in[j] || is_kept[j];
+        covered[j] |= is_in[i] || is_kept[i];
+    }
+    assert!(order.iter().all(|&i| covered[i as usize]), "the set is not maximal");
 }

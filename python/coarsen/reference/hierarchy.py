@@ -23,6 +23,7 @@ import numpy as np
 from .domain import Domain, FacetArrays
 from .gap import gaps
 from .guard import Guard, Patch, Rule
+from .kdtree import leaf_order
 from .level import (
     Candidates,
     Choice,
@@ -32,12 +33,11 @@ from .level import (
     assemble,
     lowered,
     narrow_cells,
-    rank,
     select,
     triangulate,
 )
 from .point import Bools, Floats, Ints
-from .selection import greedy
+from .selection import greedy_in_tiles
 from .spacing import capped, nearest, threshold
 
 if TYPE_CHECKING:
@@ -158,10 +158,9 @@ class Builder:
         while len(self.pools) <= wanted:
             last, facets = self.pools[-1], len(self.domain)
             f = self.spacing_in(len(self.pools) + self.lag, last)
-            order = rank(np.arange(facets, len(f)), f)
-            none = np.empty(0, np.int64)
             finer = f / power(self.options.factor, self.lag)
-            chosen = np.sort(greedy(last.candidates.points, finer, self.rules.beta, order, none))
+            order, none = np.arange(facets, len(f)), np.empty(0, np.int64)
+            chosen = greedy_in_tiles(last.candidates.points, finer, self.rules.beta, order, none)
             picked = np.concatenate([np.arange(facets), chosen])
             candidates = Candidates(last.candidates.points[picked], last.candidates.nodes[picked])
             self.pools.append(Pool(candidates, last.members[picked], f[picked], len(order)))
@@ -294,31 +293,14 @@ class Builder:
 
 
 def candidate_nodes(points: Floats, domain: Domain) -> Ints:
-    """Return the nodes of the candidates: facet vertices, then interior nodes along a Hilbert curve."""
+    """Return the nodes of the candidates: facet vertices, then interior nodes by leaves of the tree of all of them."""
     on_facet = np.zeros(len(points), np.bool_)
     for copies in domain.copies:
         on_facet[copies] = True
-    interior = np.flatnonzero(~on_facet)
     first = np.array([copies[0] for copies in domain.copies], np.int64)
-    return np.concatenate([first, interior[along_hilbert_curve(points[interior])]])
-
-
-def along_hilbert_curve(points: Floats) -> Ints:
-    """Return the order of points along a Hilbert curve on a grid of 2^32 cells an axis, ties by index."""
-    if not len(points):
-        return np.empty(0, np.int64)
-    low = points.min(axis=0)
-    extent = float((points.max(axis=0) - low).max())
-    scale = (2.0**32 - 1) / extent if extent > 0 else 0.0
-    x, y = ((points - low) * scale).astype(np.uint64).T
-    most, place = np.uint64(2**32 - 1), np.zeros(len(points), np.uint64)
-    for bit in range(31, -1, -1):
-        rx, ry = (x >> np.uint64(bit)) & np.uint64(1), (y >> np.uint64(bit)) & np.uint64(1)
-        place = (place << np.uint64(2)) | ((np.uint64(3) * rx) ^ ry)
-        mirrored = (rx == 1) & (ry == 0)
-        x, y = np.where(mirrored, most - x, x), np.where(mirrored, most - y, y)
-        x, y = np.where(ry == 0, y, x), np.where(ry == 0, x, y)
-    return np.argsort(place, kind="stable")
+    nodes = np.concatenate([first, np.flatnonzero(~on_facet)])
+    order = leaf_order(points[nodes])
+    return np.concatenate([first, nodes[order[order >= len(first)]]])
 
 
 def as_dict(mesh: LevelMesh, factor: float, spacing: Floats, visits: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Points in blocks of neighbours: what the Rust core's k-d tree is, one level deep.
+"""Points in blocks of neighbours: what the Rust core's k-d tree is, one level deep; and that tree's own parts.
 
 Median splits along the widest side make blocks of at most `SIZE` points with their tight boxes. A search compares boxes
 first and points only where a box can hold an answer. The distance to a box is made of the operations that make the
@@ -12,6 +12,9 @@ import numpy as np
 from .point import Floats, Ints
 
 SIZE = 64
+
+LEAF = 8
+"""The most points in a leaf of the core's tree."""
 
 
 class Blocks:
@@ -52,3 +55,36 @@ class Blocks:
     def greatest(self, values: Floats) -> Floats:
         """Return the greatest of some values, shape (n,), in every block."""
         return np.array([values[some].max() for some in self.members])
+
+
+def parts(points: Floats, most: int) -> list[Ints]:
+    """Return the nodes of one depth of the core's tree, of up to `most` points each: their members, ascending.
+
+    Median splits along the first widest side of the tight box, ties by index; node j of depth k has the points of rank
+    ``j n >> k`` to ``(j + 1) n >> k``. No node is smaller than a leaf.
+    """
+    n = len(points)
+    nodes = [np.arange(n)]
+    while -(-n // len(nodes)) > max(most, LEAF):
+        halves = []
+        for j, node in enumerate(nodes):
+            end = [(k * n) // (2 * len(nodes)) for k in (2 * j, 2 * j + 1)]
+            some = points[node]
+            axis = int(np.argmax(some.max(axis=0) - some.min(axis=0)))
+            ranked = node[_order(some[:, [axis]], node)]
+            halves += [np.sort(half) for half in np.split(ranked, [end[1] - end[0]])]
+        nodes = halves
+    return nodes
+
+
+def leaf_order(points: Floats) -> Ints:
+    """Return the points by leaves of the core's tree; within a leaf by coordinates, then index."""
+    return np.concatenate([leaf[_order(points[leaf], leaf)] for leaf in parts(points, LEAF)])
+
+
+def _order(points: Floats, index: Ints) -> Ints:
+    """Return the order of points by coordinates, then index; -0.0 goes before 0.0."""
+    keys: list[Ints | Floats] = [index]
+    for x in points.T[::-1]:
+        keys += [~np.signbit(x), x]
+    return np.lexsort(keys)

@@ -16,7 +16,7 @@ import numpy as np
 from .chords import Chord, holds, piece, repair
 from .domain import Domain, Side, segment_distance_2
 from .point import NONE, Bools, Floats, Ints, distance
-from .selection import conflict_graph, greedy
+from .selection import conflict_graph, greedy, greedy_in_tiles, rank
 from .triangulation import Edge, Triangulation
 
 MOST_ROUNDS = 4
@@ -64,16 +64,6 @@ class Choice:
         return sum(len(domain.copies[v]) for v in np.flatnonzero(self.kept)) + len(self.interior)
 
 
-def rank(order: Ints, f: Floats) -> Ints:
-    """Return candidates in the order of the greedy pass within a class.
-
-    Descending f in steps of an eighth of an octave (exponent and first three bits of the mantissa), ties by candidate.
-    """
-    step = (f[order].view(np.int64) >> 49).astype(np.int64)
-    ranked: Ints = order[np.lexsort((order, -step))]
-    return ranked
-
-
 def select(
     domain: Domain, candidates: Candidates, f: Floats, seeds: Choice, candidate_of: Ints, rules: Rules
 ) -> tuple[Choice, Floats, Bools]:
@@ -107,8 +97,7 @@ def select(
     free = inside & ~near
     free[seeded] = False
     keep = np.concatenate([np.flatnonzero(kept), seeded])
-    order = rank(np.flatnonzero(free), f)
-    chosen = greedy(candidates.points, f, rules.beta, order, keep)
+    chosen = greedy_in_tiles(candidates.points, f, rules.beta, np.flatnonzero(free), keep)
     interior = np.concatenate([seeds.interior, candidates.nodes[chosen]])
     return replace(choice, interior=interior, chords=chords), f, inside
 

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .hierarchy import MAX_LEVELS, STALL, Made, Report, enough, power
-from .level import rank
 from .point import Bools, Floats, Ints, distance
-from .selection import greedy
+from .selection import greedy, rank
 from .spacing import coarsened, nearest, threshold
 
 if TYPE_CHECKING:

@@ -9,8 +9,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .kdtree import Blocks
+from .kdtree import Blocks, parts
 from .point import Bools, Floats, Ints, distance
+
+TILE = 16_384
+"""The most points of a tile, until there are `MOST_TILES` of them."""
+
+MOST_TILES = 256
+
+ROOM = 1.0 + 1e-9
+"""Room for rounding in "inside its tile by more than f / beta"."""
 
 
 def _conflict(points: Floats, f: Floats, beta: float, one: Ints | int, others: Ints) -> Bools:
@@ -58,6 +66,36 @@ def greedy(points: Floats, f: Floats, beta: float, order: Ints, keep: Ints) -> I
             others = members[k][free[members[k]]]
             free[others[_conflict(points, f, beta, i, others)]] = False
     return np.array(selected, np.int64)
+
+
+def rank(order: Ints, f: Floats) -> Ints:
+    """Return candidates by descending f in steps of an eighth of an octave, ties by candidate.
+
+    A step is the exponent and the first three bits of the mantissa.
+    """
+    step = (f[order].view(np.int64) >> 49).astype(np.int64)
+    ranked: Ints = order[np.lexsort((order, -step))]
+    return ranked
+
+
+def greedy_in_tiles(points: Floats, f: Floats, beta: float, order: Ints, keep: Ints) -> Ints:
+    """Return a maximal independent set among `order` after all of `keep`, ascending.
+
+    The order is that of `rank`, but within a step those candidates come first that lie inside their tile by more than
+    f / beta, tile by tile: such ones of different tiles never conflict, so that the core works on all tiles at once.
+    """
+    tiles = parts(points, max(TILE, -(-len(points) // MOST_TILES)))
+    place = np.full(len(points), len(tiles))
+    low, high = points.min(axis=0), points.max(axis=0)
+    for number, tile in enumerate(tiles):
+        own = points[tile]
+        below, above = own.min(axis=0), own.max(axis=0)
+        reach = (f[tile] * ROOM)[:, None]
+        deep = (below == low) | ((own - below) * beta > reach)
+        deep &= (above == high) | ((above - own) * beta > reach)
+        place[tile[deep.all(axis=1)]] = number
+    step = (f[order].view(np.int64) >> 49).astype(np.int64)
+    return np.sort(greedy(points, f, beta, order[np.lexsort((order, place[order], -step))], keep))
 
 
 def independent_set(
