@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("scipy")
 from scipy.sparse import diags, identity, kron
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
 import coarsen
@@ -66,16 +65,21 @@ def test_the_product_is_that_of_scipy_for_any_number_of_threads(square):
         assert (again.indices == made.indices).all()
 
 
-def test_filtered_products_keep_row_sums_and_symmetry_and_drop_weak_entries_only(square):
+def test_filtered_products_keep_row_sums_and_symmetry_and_lose_weak_entries_only(square):
     _, h, A = square
     plain, thin = (product(A, h.prolongation(1), least)[1] for least in (0.0, 0.01))
-    assert thin.nnz < plain.nnz
+    assert thin.nnz < 0.9 * plain.nnz
     np.testing.assert_allclose(thin.sum(axis=1), plain.sum(axis=1), atol=1e-12)
     assert abs(thin - thin.T).max() < 1e-13
     scale = diags(1 / np.sqrt(plain.diagonal()))
-    gone = abs(scale @ (plain - thin) @ scale)
-    gone.setdiag(0)
-    assert 0 < gone.max() < 0.01 + 1e-12
+    relative = abs(scale @ plain @ scale).tocoo()
+    gone = np.asarray(thin[relative.row, relative.col]).ravel() == 0
+    assert relative.data[gone].max() < 0.01
+    # no energy is less than it was, and those of linear functions are nearly what they were
+    x = np.random.default_rng(SEED).normal(size=(20, thin.shape[0]))
+    assert (((x @ thin) * x).sum(axis=1) > ((x @ plain) * x).sum(axis=1)).all()
+    line = h[1].mesh.points[:, 0]
+    assert line @ (thin @ line) == pytest.approx(line @ (plain @ line), rel=0.02)
 
 
 def test_products_of_matrices_that_do_not_fit_are_refused(square):
@@ -132,19 +136,6 @@ def test_one_held_node_of_a_natural_problem_is_only_a_choice_of_the_constant(squ
 
 def as_screened(matrix):
     return (matrix + 0.01 * identity(matrix.shape[0])).tocsr()
-
-
-def test_aggregates_are_connected_and_of_one_component():
-    A = multigrid.laplacian(coarsen.gallery.square(300))
-    two = kron(A, np.eye(2), format="csr")
-    component = np.tile([0, 1], A.shape[0])
-    number = galerkin.aggregates(two, component)
-    assert number.min() == 0
-    assert number.max() < two.shape[0] / 3
-    for k in range(number.max() + 1):
-        own = np.flatnonzero(number == k)
-        assert len(set(component[own])) == 1
-        assert connected_components(two[own][:, own])[0] == 1
 
 
 def test_arguments_that_do_not_fit_are_refused(square):

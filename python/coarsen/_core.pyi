@@ -100,6 +100,9 @@ def overlap(
     threads: int | None,
 ) -> _Rows: ...
 def galerkin(a: _Csr, p: _Csr, least: float, threads: int | None) -> tuple[_Rows, _Rows]: ...
+def extended(
+    a: _Csr, p: _Csr, loose: npt.NDArray[np.bool_], component: npt.NDArray[np.int64]
+) -> tuple[_Rows, npt.NDArray[np.int64]]: ...
 
 @final
 class Cycle:

@@ -2,10 +2,9 @@
 
 On top of the hierarchy's own prolongations, three things that solvers need:
 
-- Coarse operators are Galerkin's, P^T A P, without their weak entries (`WEAK`), which are added to the diagonal.
-- Where a level has dropped parts of the domain (a long inlet, say), finer nodes deep in them would all take one
-  coarse value, and what varies along the inlet would be out of reach of every coarse level. These nodes are aggregated
-  instead, with Jacobi-smoothed interpolation (Vanek, Mandel, Brezina 1996), on and on with the levels.
+- Coarse operators are Galerkin's, P^T A P, without their weak entries (`WEAK`).
+- Where a level has dropped parts of the domain, unknowns that its mesh does not serve are interpolated by the entries
+  of the matrix instead, some of them becoming coarse unknowns themselves; see `coarsen.loose`.
 - Where nothing but one unknown is held, and the matrix has the constants in its null space (all boundaries natural),
   the one held unknown is only a choice of the constant. The coarse levels then work on the whole, singular problem,
   and the constant is chosen on the finest level: holding a single node on every level would slow all of them down, by
@@ -20,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coarsen import transfer
+from coarsen import loose, transfer
 from coarsen.backend import backend
 
 if TYPE_CHECKING:
@@ -30,17 +29,14 @@ if TYPE_CHECKING:
     from coarsen.mesh import Mesh
     from coarsen.multilevel import Hierarchy
 
-WEAK = 0.002
-"""Galerkin's entries under this, relative to the roots of both diagonals, are weak. 0.01 would cost an iteration."""
+WEAK = 0.01
+"""Galerkin's entries under this, relative to the roots of both diagonals, are weak. 0.02 would cost iterations."""
 
 SHRINK = 0.7
 """A level with more than this share of the unknowns of the one before is passed over."""
 
-DEEP = 1.0
-"""Nodes further than this many fine spacings outside of the coarse mesh are aggregated."""
-
-OMEGA = 2.0 / 3.0
-"""Jacobi damping of the aggregates' interpolation."""
+DEEP = 0.25
+"""Nodes further than this many fine spacings outside of the coarse mesh are loose."""
 
 MOST_GAUGED = 256
 """A node with more neighbours than this is no node of a mesh."""
@@ -106,11 +102,11 @@ def stages(
         prolongation = transfer.reduced(whole_p, rows, columns)
         component_coarse = np.tile(np.arange(block_size), len(columns) // block_size)[columns]
         if operators is None:
-            deep = np.zeros(len(rows) // block_size, dtype=bool)
-            deep[found.outside[found.distance > DEEP * hierarchy[i].spacing[found.outside]]] = True
-            prolongation, component = _with_aggregates(
-                matrix, prolongation, np.repeat(deep, block_size)[rows], component, component_coarse
+            nodes = loose.unserved(hierarchy, i, j, found, DEEP)
+            prolongation, more = loose.extended(
+                matrix, prolongation, np.repeat(nodes, block_size)[rows], component, hierarchy[j].dropped is not None
             )
+            component = np.concatenate([component_coarse, component[more]])
             core = backend(hierarchy.options.backend)
             # moving an entry between two unknowns of different kinds to the diagonal would change more than its size
             least = WEAK if block_size == 1 else 0.0
@@ -219,72 +215,6 @@ def _gauged(
     prolongation = as_csr(prolongation[mask] - ones @ row)
     prolongation.sort_indices()
     return [(level, finest, prolongation, vstack([prolongation.T], format="csr")), *made[1:]]
-
-
-def _with_aggregates(
-    matrix: csr_matrix,
-    prolongation: csr_matrix,
-    deep: NDArray[np.bool_],
-    component: NDArray[np.int64],
-    component_coarse: NDArray[np.int64],
-) -> tuple[csr_matrix, NDArray[np.int64]]:
-    """Add aggregates for the unknowns deep outside of the coarse mesh, and for the aggregates of the level itself."""
-    from scipy.sparse import csr_matrix, diags, hstack, vstack
-
-    more = matrix.shape[0] - len(deep)
-    loose = np.flatnonzero(np.concatenate([deep, np.ones(more, dtype=bool)]))
-    if not len(loose):
-        return prolongation, component_coarse
-    aggregate = aggregates(matrix[loose][:, loose], component[loose])
-    count = int(aggregate.max()) + 1
-    tentative = diags((~deep).astype(float)) @ prolongation
-    if more:
-        tentative = vstack([tentative, csr_matrix((more, prolongation.shape[1]))])
-    ones = (np.ones(len(loose)), (loose, aggregate))
-    tentative = as_csr(hstack([tentative, csr_matrix(ones, shape=(matrix.shape[0], count))]))
-    # the smoothed rows replace the loose ones
-    step = diags(OMEGA / matrix.diagonal()[loose]) @ (matrix[loose] @ tentative)
-    onto = csr_matrix((np.ones(len(loose)), (loose, np.arange(len(loose)))), shape=(matrix.shape[0], len(loose)))
-    smoothed = as_csr(tentative - onto @ step)
-    smoothed.eliminate_zeros()
-    smoothed.sort_indices()
-    first = np.full(count, -1)
-    first[aggregate[::-1]] = loose[::-1]
-    return smoothed, np.concatenate([component_coarse, component[first]])
-
-
-def aggregates(matrix: csr_matrix, component: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Aggregate unknowns with their strongly coupled neighbours of the same component, greedily by index.
-
-    Returns
-    -------
-    (n,) int64 array
-        The number of its aggregate for each unknown.
-    """
-    strong = 0.05
-    n = matrix.shape[0]
-    out = np.full(n, -1, dtype=np.int64)
-    near: list[NDArray[np.int64]] = []
-    for i in range(n):
-        row = slice(matrix.indptr[i], matrix.indptr[i + 1])
-        to, values = matrix.indices[row], np.abs(matrix.data[row])
-        other = (to != i) & (component[to] == component[i])
-        near.append(to[other & (values >= strong * values[other].max(initial=0.0))])
-    count = 0
-    for i in range(n):
-        if out[i] < 0 and (out[near[i]] < 0).all():
-            out[near[i]] = out[i] = count
-            count += 1
-    rooted = out.copy()
-    for i in range(n):
-        if out[i] < 0:
-            known = near[i][rooted[near[i]] >= 0]
-            if len(known):
-                out[i] = rooted[known[0]]
-            else:
-                out[i] = count
-                count += 1
-    return out
 
 
 def as_csr(A: Any) -> csr_matrix:

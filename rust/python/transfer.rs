@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::halfedges::HalfEdges;
 use crate::transfer::rows::{Rows, RowsRef};
-use crate::transfer::{cycle, galerkin, overlap, prolongation};
+use crate::transfer::{cycle, filter, galerkin, loose, overlap, prolongation};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 
@@ -102,10 +102,24 @@ fn py_galerkin<'py>(
     let (restriction, made) = run(py, threads, None, |_| {
         let restriction = p.transposed();
         let made = galerkin::triple(restriction.view(), a, p)?;
-        let made = if least > 0.0 { galerkin::filtered(made, least)? } else { made };
+        let made = if least > 0.0 { filter::filtered(made, least)? } else { made };
         Ok((restriction, made))
     })?;
     Ok((matrix(py, restriction), matrix(py, made)))
+}
+
+/// Interpolation by the couplings of `a` for the loose rows of `p`, and the unknowns that are its additional columns.
+#[pyfunction(name = "extended")]
+fn py_extended<'py>(
+    py: Python<'py>,
+    a: PyRows<'py>,
+    p: PyRows<'py>,
+    loose: PyReadonlyArray1<'py, bool>,
+    component: PyReadonlyArray1<'py, i64>,
+) -> PyResult<(Matrix<'py>, Indices<'py>)> {
+    let (a, p, marks, component) = (a.view("A")?, p.view("P")?, loose.as_slice()?, component.as_slice()?);
+    let (made, own) = py.detach(|| loose::extended(a, p, marks, component))?;
+    Ok((matrix(py, made), own.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py)))
 }
 
 /// A V-cycle on matrices that `coarsen.galerkin` made.
@@ -161,6 +175,7 @@ impl Cycle {
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(py_prolongation, m)?)?;
     m.add_function(wrap_pyfunction!(py_overlap, m)?)?;
+    m.add_function(wrap_pyfunction!(py_extended, m)?)?;
     m.add_class::<Cycle>()?;
     m.add_function(wrap_pyfunction!(py_galerkin, m)?)
 }

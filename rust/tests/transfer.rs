@@ -4,7 +4,7 @@ use _core::point::{NONE, Point, orient};
 use _core::transfer::halfedges::{HalfEdges, next, prev};
 use _core::transfer::prolongation::{locate, weights};
 use _core::transfer::rows::{Rows, RowsRef};
-use _core::transfer::{galerkin, overlap};
+use _core::transfer::{filter, galerkin, overlap};
 use proptest::prelude::*;
 
 /// A lattice of k × k squares, its inner nodes moved, each square cut in two.
@@ -130,14 +130,79 @@ proptest! {
     }
 }
 
+fn rows_of(dense: &[Vec<f64>]) -> Rows {
+    let kept = |row: &[f64]| (0..row.len()).filter(|&j| row[j] != 0.0).collect::<Vec<_>>();
+    let columns: Vec<Vec<usize>> = dense.iter().map(|row| kept(row)).collect();
+    Rows {
+        columns: dense.len(),
+        indptr: Rows::starts(columns.iter().map(|row| row.len())).unwrap(),
+        indices: columns.iter().flatten().map(|&j| j as i32).collect(),
+        data: columns.iter().enumerate().flat_map(|(i, row)| row.iter().map(move |&j| dense[i][j])).collect(),
+    }
+}
+
 #[test]
-fn weak_entries_go_to_the_diagonal() {
-    let (indptr, indices) = (vec![0, 3, 6, 9], vec![0, 1, 2, 0, 1, 2, 0, 1, 2]);
-    let data = vec![1.0, -0.5, -0.01, -0.5, 4.0, 0.05, -0.01, 0.05, 1.0];
-    let made = galerkin::filtered(Rows { columns: 3, indptr, indices, data }, 0.02).unwrap();
-    let expected = [[0.99, -0.5, 0.0], [-0.5, 4.0, 0.05], [0.0, 0.05, 0.99]];
-    assert_eq!(dense(made.view()), expected.map(|row| row.to_vec()));
-    assert_eq!(made.indptr, [0, 2, 5, 7]);
+fn a_weak_coupling_goes_over_the_neighbour_that_both_have_and_a_weak_repulsion_to_the_diagonal() {
+    let a = vec![
+        vec![2.0, -1.0, -0.01, 0.0, -0.01],
+        vec![-1.0, 2.0, -1.0, 0.01, 0.0],
+        vec![-0.01, -1.0, 2.0, 0.0, 0.0],
+        vec![0.0, 0.01, 0.0, 1.0, 0.0],
+        vec![-0.01, 0.0, 0.0, 0.0, 1.0],
+    ];
+    let made = dense(filter::filtered(rows_of(&a), 0.02).unwrap().view());
+    // between 0 and 4 there is no other way: it stays
+    let expected = [
+        [2.01, -1.02, 0.0, 0.0, -0.01],
+        [-1.02, 2.05, -1.02, 0.0, 0.0],
+        [0.0, -1.02, 2.01, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 1.01, 0.0],
+        [-0.01, 0.0, 0.0, 0.0, 1.0],
+    ];
+    for (row, other) in made.iter().zip(&expected) {
+        for (x, y) in row.iter().zip(other) {
+            assert!((x - y).abs() < 1e-14, "{made:?}");
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn leaving_weak_couplings_out_keeps_sums_and_connections_and_weakens_no_energy(
+        couplings in prop::collection::vec(prop_oneof![Just(0.0), 0.001..0.1f64, 0.1..1.0f64], 36),
+        x in prop::collection::vec(-1.0..1.0f64, 9),
+    ) {
+        let n = 9;
+        let mut a = vec![vec![0.0; n]; n];
+        let pairs = (0..n).flat_map(|i| (0..i).map(move |j| (i, j)));
+        for ((i, j), &w) in pairs.zip(&couplings) {
+            for (i, j) in [(i, j), (j, i)] {
+                a[i][j] -= w;
+                a[i][i] += w;
+            }
+        }
+        let made = dense(filter::filtered(rows_of(&a), 0.1).unwrap().view());
+        let energy = |a: &[Vec<f64>]| -> f64 {
+            a.iter().zip(&x).map(|(row, y)| y * row.iter().zip(&x).map(|(a, x)| a * x).sum::<f64>()).sum()
+        };
+        prop_assert!(energy(&made) >= energy(&a) - 1e-12);
+        let joined = |a: &[Vec<f64>]| {
+            let mut part: Vec<usize> = (0..n).collect();
+            for _ in 0..n {
+                for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|&(i, j)| a[i][j] != 0.0) {
+                    part[i] = part[i].min(part[j]);
+                }
+            }
+            part
+        };
+        prop_assert_eq!(joined(&made), joined(&a));
+        for (i, row) in made.iter().enumerate() {
+            prop_assert!(row.iter().sum::<f64>().abs() < 1e-12);
+            for j in 0..n {
+                prop_assert!((row[j] - made[j][i]).abs() < 1e-12);
+            }
+        }
+    }
 }
 
 /// A sparse matrix of some entries, each row's columns ascending.

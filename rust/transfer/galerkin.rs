@@ -45,43 +45,6 @@ pub fn triple(r: RowsRef<'_>, a: RowsRef<'_>, p: RowsRef<'_>) -> Result<Rows, Er
     Rows::stacked(p.columns, blocks.collect())
 }
 
-/// The matrix without its weak entries, `|a_ij| < least · sqrt(a_ii a_jj)`, which are added to the diagonal instead, so
-/// that rows sum to what they did. What Galerkin's products have beyond the nearest neighbours is mostly weak.
-pub fn filtered(a: Rows, least: f64) -> Result<Rows, Error> {
-    let view = a.view();
-    let diagonal: Vec<f64> = (0..view.len())
-        .map(|i| {
-            let (columns, values) = view.row(i);
-            columns.binary_search(&(i as i32)).map_or(0.0, |k| values[k])
-        })
-        .collect();
-    let starts: Vec<usize> = (0..view.len()).step_by(CHUNK).collect();
-    let blocks = starts.into_par_iter().map(|start| {
-        let mut block = Block::default();
-        for i in start..(start + CHUNK).min(view.len()) {
-            let (columns, values) = view.row(i);
-            let (mut before, mut own, mut lumped) = (block.indices.len(), None, 0.0);
-            for (&j, &value) in columns.iter().zip(values) {
-                if j as usize == i {
-                    own = Some(block.indices.len());
-                } else if value * value < least * least * (diagonal[i] * diagonal[j as usize]) {
-                    lumped += value;
-                    continue;
-                }
-                block.indices.push(j);
-                block.data.push(value);
-            }
-            if let Some(own) = own {
-                block.data[own] += lumped;
-            }
-            before = block.indices.len() - before;
-            block.counts.push(before as u32);
-        }
-        block
-    });
-    Rows::stacked(a.columns, blocks.collect())
-}
-
 /// A row in the making.
 struct Sum {
     /// Where a column is in the list, if it is there: only true if the list says the same.

@@ -58,6 +58,16 @@ impl Rows {
         }
         Ok(Rows { columns, indptr, indices, data })
     }
+
+    /// Without the entries that are marked.
+    pub fn without(self, gone: &[bool]) -> Result<Rows, Error> {
+        let kept = |i: usize| gone[self.indptr[i] as usize..self.indptr[i + 1] as usize].iter().filter(|gone| !**gone);
+        let indptr = Self::starts((0..self.indptr.len() - 1).map(|i| kept(i).count()))?;
+        let stays = |at: &usize| !gone[*at];
+        let indices = (0..gone.len()).filter(stays).map(|at| self.indices[at]).collect();
+        let data = (0..gone.len()).filter(stays).map(|at| self.data[at]).collect();
+        Ok(Rows { columns: self.columns, indptr, indices, data })
+    }
 }
 
 /// Some rows of a matrix in the making.

@@ -8,6 +8,7 @@ the nodes is the core's: in rounds, from inner nodes first, then from boundary n
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -331,18 +332,55 @@ def overlap(
 
 
 def galerkin(a: Any, p: Any, least: float, _threads: int | None) -> tuple[Rows, Rows]:
-    """Return p.T and p.T @ a @ p by rows, its weak entries moved to the diagonal."""
-    from scipy.sparse import csr_matrix, diags
-
+    """Return p.T and p.T @ a @ p by rows, without its weak entries."""
     restriction = p.T.tocsr()
-    made = (restriction @ a @ p).tocoo()
-    diagonal = made.diagonal()
-    weak = (made.row != made.col) & (made.data**2 < least * least * (diagonal[made.row] * diagonal[made.col]))
-    lumped = np.bincount(made.row[weak], made.data[weak], minlength=made.shape[0])
-    kept = csr_matrix((made.data[~weak], (made.row[~weak], made.col[~weak])), shape=made.shape)
-    kept = (kept + diags(lumped)).tocsr() if weak.any() else kept
+    made = (restriction @ a @ p).tocsr()
     out = []
-    for matrix in (restriction, kept):
+    for matrix in (restriction, _filtered(made, least)):
         matrix.sort_indices()
         out.append((matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data))
     return out[0], out[1]
+
+
+def _filtered(a: Any, least: float) -> Any:
+    """Hand weak couplings w (u_i - u_j)² on to the way over the neighbour k that both are coupled to most.
+
+    They become 2 w (u_i - u_k)² + 2 w (u_k - u_j)²; repulsions go to the diagonal. Couplings without a way stay.
+    """
+    from scipy.sparse import csr_matrix
+
+    rows: list[dict[int, float]] = [
+        dict(zip(a.indices[s:e].tolist(), a.data[s:e].tolist(), strict=True)) for s, e in pairwise(a.indptr)
+    ]
+    own = a.diagonal()
+
+    def weak(i: int, j: int, size: float) -> bool:
+        return bool(size * size < least * least * (own[i] * own[j]))
+
+    found = []
+    for i, row in enumerate(rows):
+        for j in sorted(j for j in row if j > i):
+            back = rows[j].get(i, 0.0)
+            half = (row[j] + back) / 2.0
+            if not weak(i, j, max(abs(row[j]), abs(back))):
+                continue
+            ways = [
+                (-min(-row[k], -rows[j][k]), k)
+                for k in row.keys() & rows[j].keys() - {i, j}
+                if max(row[k], rows[j][k]) < 0 and not weak(i, k, row[k]) and not weak(j, k, rows[j][k])
+            ]
+            if half > 0 or ways:
+                found.append((i, j, min(ways)[1] if half <= 0 else None, half))
+    gone = [(i, j, rows[i].pop(j, 0.0)) for one, two, *_ in found for i, j in ((one, two), (two, one))]
+    for i, _, value in gone:
+        if i in rows[i]:
+            rows[i][i] += value
+    for one, two, k, half in found:
+        for i in (one, two) if k is not None else ():
+            for s, t in ((i, k), (k, i)):
+                if t in rows[s] and s in rows[s]:
+                    rows[s][t] += 2.0 * half
+                    rows[s][s] -= 2.0 * half
+    entries = [(i, j, value) for i, row in enumerate(rows) for j, value in row.items()]
+    row, column, value = zip(*entries, strict=True) if entries else ((), (), ())
+    return csr_matrix((value, (row, column)), shape=a.shape)

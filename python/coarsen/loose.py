@@ -1,0 +1,124 @@
+"""Loose unknowns: those that a coarse mesh does not serve.
+
+Where a level has dropped parts of the domain, piecewise-linear interpolation from its mesh would do harm
+
+- at nodes well outside of it, deep in an inlet that was cut off, which would all take one value;
+- in its cells that the finer mesh does not cover: a spit or an island that was closed may part waters that are far from
+  each other for the matrix;
+- at unknowns that an earlier stage has added for such nodes, and that are nodes of no mesh.
+
+These are loose: they are interpolated by the entries of the matrix (``rust/transfer/loose.rs``), some of them becoming
+coarse unknowns themselves. The other nodes near by take values only from coarse nodes that they hang together with.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coarsen.backend import backend
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_matrix
+
+    from coarsen.mesh import Mesh
+    from coarsen.multilevel import Hierarchy
+    from coarsen.transfer import Located
+
+
+def unserved(hierarchy: Hierarchy, fine: int, coarse: int, found: Located, deep: float) -> NDArray[np.bool_]:
+    """Say which nodes of level `fine` lie over `deep` spacings outside of level `coarse`, or in a cut cell of it."""
+    mesh = hierarchy[fine].mesh
+    out = np.zeros(mesh.n_points, dtype=bool)
+    out[found.outside[found.distance > deep * hierarchy[fine].spacing[found.outside]]] = True
+    if hierarchy[coarse].dropped is not None:
+        out |= in_cut_cells(mesh, found.matrix, hierarchy[coarse].mesh)
+    return out
+
+
+def in_cut_cells(mesh: Mesh, prolongation: csr_matrix, coarse: Mesh) -> NDArray[np.bool_]:
+    """Say which nodes lie in cells of a coarser mesh that the boundary of their own mesh runs through."""
+    inside = np.flatnonzero(np.diff(prolongation.indptr) == 3)
+    corners = prolongation.indices[prolongation.indptr[inside][:, None] + np.arange(3)].astype(np.int64)
+    _, cell = np.unique(corners, axis=0, return_inverse=True)
+    on_boundary = np.zeros(mesh.n_points, dtype=bool)
+    on_boundary[mesh.boundary_facets] = True
+    cut = np.zeros(mesh.n_points, dtype=bool)
+    cut[inside] = np.isin(cell, cell[on_boundary[inside]])
+    return cut
+
+
+def extended(
+    matrix: csr_matrix,
+    prolongation: csr_matrix,
+    loose: NDArray[np.bool_],
+    component: NDArray[np.int64],
+    dropped: bool,
+) -> tuple[csr_matrix, NDArray[np.int64]]:
+    """Return a prolongation that serves all unknowns.
+
+    Parameters
+    ----------
+    matrix : (n, n) csr_matrix
+    prolongation : (k, m) csr_matrix
+        For the unknowns at nodes, which come first.
+    loose : (k,) bool array
+        Those of them that the coarse mesh does not serve; all after the first k are loose.
+    component : (n,) int64 array
+        Loose unknowns are interpolated from those of the same component only.
+    dropped : bool
+        Whether the coarse mesh has dropped parts of the domain.
+
+    Returns
+    -------
+    (n, m + l) csr_matrix
+    (l,) int64 array
+        The loose unknowns that are additional coarse ones.
+    """
+    from scipy.sparse import csr_matrix, vstack
+
+    from coarsen.galerkin import wrapped
+
+    more = matrix.shape[0] - len(loose)
+    if more:
+        prolongation = vstack([prolongation, csr_matrix((more, prolongation.shape[1]))], format="csr")
+        loose = np.concatenate([loose, np.ones(more, dtype=bool)])
+    if dropped:
+        before = np.diff(prolongation.indptr) > 0
+        prolongation = hanging_together(matrix, prolongation, loose)
+        loose = loose | (before & (np.diff(prolongation.indptr) == 0))
+    if not loose.any():
+        return prolongation, np.empty(0, np.int64)
+    rows, own = backend("rust").extended(matrix, prolongation, loose, component)
+    return wrapped(rows, prolongation.shape[1] + len(own)), own
+
+
+def hanging_together(matrix: csr_matrix, prolongation: csr_matrix, loose: NDArray[np.bool_]) -> csr_matrix:
+    """Return a prolongation whose columns hang together, by couplings, around the unknown that the coarse one is.
+
+    Its rows sum to what they did, or are empty. Columns of coarse unknowns that are no fine ones stay.
+    """
+    from scipy.sparse import csr_matrix, diags
+
+    shape = prolongation.shape
+    single = np.flatnonzero((np.diff(prolongation.indptr) == 1) & ~loose)
+    single = single[prolongation.data[prolongation.indptr[single]] == 1.0]
+    own = prolongation.indices[prolongation.indptr[single]]
+    pattern = csr_matrix((np.ones(prolongation.nnz), prolongation.indices, prolongation.indptr), shape=shape)
+    near = csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
+    other = (~np.isin(np.arange(shape[1]), own)).astype(float)
+    reached = csr_matrix((np.ones(len(own)), (single, own)), shape=shape) + pattern @ diags(other)
+    reached.eliminate_zeros()
+    count = -1
+    while reached.nnz > count:
+        count = reached.nnz
+        reached = (near @ reached).multiply(pattern).tocsr()
+        reached.data[:] = 1.0
+    sums = np.asarray(prolongation.sum(axis=1)).ravel()
+    kept = prolongation.multiply(reached).tocsr()
+    now = np.asarray(kept.sum(axis=1)).ravel()
+    kept = (diags(np.divide(sums, now, out=np.ones_like(now), where=now > 0)) @ kept).tocsr()
+    kept.sort_indices()
+    return kept
