@@ -10,7 +10,8 @@ weak" (21: the flux through it is held weakly), ….
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from functools import cached_property
+from itertools import compress, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from ..errors import MeshError
 from .draft import Draft
+from .numbers import real, reals, whole
 from .strings import node_strings
 
 OPEN = -1
@@ -48,25 +50,31 @@ def read_grid(path: Path) -> Draft:
     rows = lines[2 + n_points : 2 + n_points + n_cells]
     if len(body) < n_points or len(rows) < n_cells:
         raise MeshError(f"'{path.name}': ends early: {n_points} nodes and {n_cells} cells were announced on line 2")
-    nodes = np.array([line.split()[:4] for line in body], dtype=np.float64).reshape(-1, 4)
-    numbers = nodes[:, 0].astype(np.int64)
+    nodes = reals([line.split(None, 4) for line in body], 4, f"'{path.name}': node")
+    numbers = whole(nodes[:, 0], f"'{path.name}': the numbers of the nodes")
     place = _Places(numbers)
     draft = Draft(
         np.ascontiguousarray(nodes[:, 1:3]),
         [],
         point_data={"depth": nodes[:, 3].copy()},
     )
-    cells = [line.split() for line in rows]
-    for corners, kind in ((3, "triangle"), (4, "quad")):
-        block = [cell[2 : 2 + corners] for cell in cells if int(cell[1]) == corners]
-        if block:
-            draft.blocks.append((kind, place(np.array(block, dtype=np.int64)), None))
-    if other := {int(cell[1]) for cell in cells} - {3, 4}:
-        raise MeshError(f"'{path.name}': a cell of {min(other)} nodes, expected 3 (or 4)")
+    _cells(draft, [line.split(None, 6) for line in rows], place, path)
     rest = _Lines(lines, 2 + n_points + n_cells)
     if rest.more():
         _boundaries(draft, rest, place)
     return draft
+
+
+def _cells(draft: Draft, rows: list[list[str]], place: _Places, path: Path) -> None:
+    of = f"'{path.name}': cell"
+    counts = whole(reals([row[1:2] for row in rows], 1, of)[:, 0], f"'{path.name}': the numbers of corners")
+    if ((counts < 3) | (counts > 4)).any():
+        raise MeshError(f"'{path.name}': a cell of {counts[(counts < 3) | (counts > 4)][0]} nodes, expected 3 (or 4)")
+    for corners, kind in ((3, "triangle"), (4, "quad")):
+        block = rows if (counts == corners).all() else list(compress(rows, counts == corners))
+        if block:
+            table = whole(reals(block, 2 + corners, of)[:, 2:], f"'{path.name}': the cells")
+            draft.blocks.append((kind, place(table), None))
 
 
 class _Places:
@@ -126,11 +134,11 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
     tags: list[int] = []
     values: dict[int, tuple[float, ...]] = {}
 
-    edges = {(min(a, b), max(a, b)) for _, cells, _ in draft.blocks for a, b in _sides(cells)}
+    edges = _Edges(draft)
 
     def string(nodes: Any, tag: int, *, closed: bool = False) -> None:
         nodes = [int(node) for node in nodes]
-        if closed and (min(nodes[0], nodes[-1]), max(nodes[0], nodes[-1])) in edges:
+        if closed and edges.have(nodes[0], nodes[-1]):
             nodes.append(nodes[0])  # islands are told without their first node again
         pairs = [pair for pair in pairwise(nodes) if pair[0] != pair[1]]
         facets.extend(pairs)
@@ -154,11 +162,11 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
                 string(front, kind)
                 string(back, kind)
                 for near, far, row in zip(front, back, rows, strict=True):
-                    values[int(near)] = values[int(far)] = tuple(float(word) for word in row[2:])
+                    values[int(near)] = values[int(far)] = tuple(map(real, _values(row[2:])))
             else:
                 string(front, kind, closed=kind in ISLANDS)
                 if kind in OUTER_BARRIERS:
-                    values |= {int(n): tuple(map(float, row[1:])) for n, row in zip(front, rows, strict=True)}
+                    values |= {int(n): tuple(map(real, _values(row[1:]))) for n, row in zip(front, rows, strict=True)}
     if facets:
         draft.facets, draft.facet_tags = (
             np.array(facets, dtype=np.int64),
@@ -172,8 +180,33 @@ def _boundaries(draft: Draft, rest: _Lines, place: _Places) -> None:
         draft.point_data[_BARRIER.format(column)] = field
 
 
-def _sides(cells: Any) -> Any:
-    return np.concatenate([cells[:, [k, (k + 1) % cells.shape[1]]] for k in range(cells.shape[1])]).tolist()
+def _values(words: list[str]) -> Iterator[str]:
+    """Give the numbers at the head of a row; what follows is a comment."""
+    for word in words:
+        try:
+            real(word)
+        except ValueError:
+            return
+        yield word
+
+
+class _Edges:
+    """Edges of all cells, sorted when the first is asked for."""
+
+    def __init__(self, draft: Draft) -> None:
+        self.draft = draft
+
+    @cached_property
+    def keys(self) -> Any:
+        blocks = [np.asarray(cells) for _, cells, _ in self.draft.blocks]
+        sides = [cells[:, [k, k - 1]] for cells in blocks for k in range(cells.shape[1])]
+        ends = np.sort(np.concatenate([*sides, np.zeros((0, 2), np.int64)]), axis=1)
+        return np.sort(ends[:, 0] * len(self.draft.points) + ends[:, 1])
+
+    def have(self, a: int, b: int) -> bool:
+        key = min(a, b) * len(self.draft.points) + max(a, b)
+        at = int(np.searchsorted(self.keys, key))
+        return at < len(self.keys) and bool(self.keys[at] == key)
 
 
 def write_grid(draft: Draft, path: Path) -> None:

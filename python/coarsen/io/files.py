@@ -98,8 +98,12 @@ def read_draft(path: str | os.PathLike[str]) -> Draft:
     family = family_of(path, write=False)
     try:
         return family.read(path)
-    except (MeshError, ImportError, MemoryError):
+    except (ImportError, MemoryError):
         raise
+    except MeshError as error:
+        if path.stem in str(error):  # a format of several files names the one that is wrong
+            raise
+        raise MeshError(f"'{path.name}': {error}") from None
     except OSError as error:
         raise MeshError(f"'{path.name}': cannot be read as {family.name}: {error}") from None
     except (

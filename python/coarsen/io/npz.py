@@ -8,7 +8,6 @@ a nodal field.
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -41,13 +40,17 @@ _NOT_NODAL = {"weir_pairs"}
 
 def arrays_of(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """All arrays of an archive, without pickled objects."""
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise MeshError(f"'{path.name}': not an archive of named arrays")
-            return {name: archive[name] for name in archive.files}
-    except (zipfile.BadZipFile, EOFError) as error:
-        raise MeshError(f"'{path.name}': not a readable NumPy archive: {error}") from None
+    with path.open("rb") as file:
+        try:
+            with np.load(file, allow_pickle=False) as archive:
+                if not isinstance(archive, np.lib.npyio.NpzFile):
+                    raise MeshError(f"'{path.name}': not an archive of named arrays")
+                return {name: archive[name] for name in archive.files}
+        except (MeshError, MemoryError):
+            raise
+        except Exception as error:  # zip, zlib and NumPy's own parser raise all sorts of them on damaged bytes
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise MeshError(f"'{path.name}': not a readable NumPy archive: {reason}") from None
 
 
 def read_npz(path: Path) -> Draft:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import MeshError
 from .draft import Draft
+from .numbers import reals
 
 _KINDS = {
     3: ("line", 2),
@@ -63,7 +64,7 @@ def read_su2(path: Path) -> Draft:
             zone, start = int(value), sum(map(len, points))
         elif key == "NPOIN":
             rows, at = _rows(lines, at, int(value.split()[0]), key, path)
-            points.append(np.array([row[:dim] for row in rows], dtype=np.float64).reshape(-1, dim))
+            points.append(reals(rows, dim, f"'{path.name}': node"))
         elif key == "NELEM":
             rows, at = _rows(lines, at, int(value), key, path)
             for row in rows:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import MeshError
 from .draft import Draft
+from .numbers import reals, whole
 
 
 def _table(path: Path) -> tuple[list[int], list[list[str]]]:
@@ -25,9 +26,9 @@ def _table(path: Path) -> tuple[list[int], list[list[str]]]:
 
 
 def _numbers(path: Path, rows: list[list[str]], count: int, width: int) -> np.ndarray[Any, Any]:
-    if len(rows) < count or any(len(row) < width for row in rows[:count]):
-        raise MeshError(f"'{path.name}': expected {count} rows of {width} numbers")
-    return np.array([row[:width] for row in rows[:count]], dtype=np.float64).reshape(count, width)
+    if not 0 <= count <= len(rows):
+        raise MeshError(f"'{path.name}': {count} rows were announced, {len(rows)} follow")
+    return reals(rows[:count], width, f"'{path.name}': row")
 
 
 def read_triangle(path: Path) -> Draft:
@@ -43,7 +44,7 @@ def read_triangle(path: Path) -> Draft:
             f"'{node.name}': dimension {dim}: a mesh of solids (TetGen); coarsen takes triangles in the plane"
         )
     table = _numbers(node, rows, count, 3 + n_attributes + bool(markers and markers[0]))
-    first = int(table[0, 0]) if count else 0
+    first = int(whole(table[:1, 0], f"'{node.name}': the first number")[0]) if count else 0
     head, rows = _table(ele)
     n_cells, corners, n_tags = (*head, 0, 0)[:3]
     cells = _numbers(ele, rows, n_cells, 1 + corners + n_tags)
@@ -56,7 +57,7 @@ def read_triangle(path: Path) -> Draft:
         [
             (
                 kind,
-                cells[:, 1 : 1 + corners].astype(np.int64) - first,
+                whole(cells[:, 1 : 1 + corners], f"'{ele.name}': the cells") - first,
                 None if tags is None else tags.astype(np.int64),
             )
         ],
@@ -68,18 +69,19 @@ def read_triangle(path: Path) -> Draft:
         skipped = head[0]
         count, has_marker = (int(word) for word in (*rows[skipped], "0")[:2])
         rows = rows[skipped + 1 :]
-        _facets(draft, _numbers(poly, rows, count, 3 + bool(has_marker)), first)
+        _facets(draft, _numbers(poly, rows, count, 3 + bool(has_marker)), first, poly)
     elif edge.exists():
         head, rows = _table(edge)
         found = _numbers(edge, rows, head[0], 3 + bool(len(head) > 1 and head[1]))
-        _facets(draft, found[found[:, 3] != 0] if found.shape[1] > 3 else found[:0], first)
+        _facets(draft, found[found[:, 3] != 0] if found.shape[1] > 3 else found[:0], first, edge)
     return draft
 
 
-def _facets(draft: Draft, table: np.ndarray[Any, Any], first: int) -> None:
+def _facets(draft: Draft, table: np.ndarray[Any, Any], first: int, path: Path) -> None:
     if len(table):
-        draft.facets = table[:, 1:3].astype(np.int64) - first
-        draft.facet_tags = table[:, 3].astype(np.int64) if table.shape[1] > 3 else None
+        rows = whole(table[:, 1:], f"'{path.name}': the facets")
+        draft.facets = rows[:, :2] - first
+        draft.facet_tags = rows[:, 2] if rows.shape[1] > 2 else None
 
 
 def write_triangle(draft: Draft, path: Path) -> None:
