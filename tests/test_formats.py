@@ -249,6 +249,21 @@ def test_ugrid_believes_the_indices_and_not_the_attribute(tmp_path: Path, start:
     assert mesh.point_data["level"].tolist() == [5, 6, 7, 8, 9]
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_xugrid_reads_ours_and_we_read_xugrid_s(sea: Mesh, tmp_path: Path) -> None:
+    xugrid = pytest.importorskip("xugrid")
+    sea.write(tmp_path / "ours.nc")
+    opened = xugrid.open_dataset(tmp_path / "ours.nc")
+    assert np.array_equal(opened.ugrid.grid.face_node_connectivity, sea.cells)
+    assert np.array_equal(opened["depth"], sea.point_data["depth"])
+    for start in (0, 1):
+        grid = xugrid.Ugrid2d(*sea.points.T.copy(), -1, np.asarray(sea.cells) + start, start_index=start)
+        grid.to_dataset().to_netcdf(tmp_path / "theirs.nc")
+        theirs = coarsen.read(tmp_path / "theirs.nc")
+        assert np.array_equal(theirs.points, sea.points)
+        assert np.array_equal(theirs.cells, sea.cells)
+
+
 def test_ugrid_with_quads_offers_to_cut_them(tmp_path: Path) -> None:
     write_ugrid(tmp_path / "mixed.nc", start=0, told=1, quad=True)
     with pytest.raises(MeshError, match="1 quadrilaterals among 2 cells"):

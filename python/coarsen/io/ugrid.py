@@ -187,7 +187,6 @@ def write_ugrid(draft: Draft, path: Path) -> None:
             _write_tags(file, "cell_tags", "face", tags, draft.cell_names)
         if draft.facets is not None and len(draft.facets):
             file.createDimension("facet", len(draft.facets))
-            mesh.edge_dimension = "facet"
             mesh.boundary_node_connectivity = "facet_nodes"
             _indices(file, "facet_nodes", ("facet", "two"), draft.facets)
             if draft.facet_tags is not None:
