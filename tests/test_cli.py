@@ -155,7 +155,9 @@ WRONG = [
     (["build", ".", "-o", "out"], "is a folder"),
     (["build", "empty.msh", "-o", "out"], "empty.msh"),
     (["build", "notes.txt", "-o", "out"], "no format"),
-    (["build", "sea.vtu", "-o", "out", "--format", "docx"], "no format"),
+    (["build", "sea.vtu", "-o", "out", "--format", "docx"], "'format' is 'docx', expected .msh"),
+    (["build", "sea.vtuu", "-o", "out"], "does not exist"),
+    (["convert", "sea.vtu", "sea.mhs"], "did you mean .msh?"),
     (["build", "sea.vtu", "-o", "out", "--factor", "1"], "'factor' is 1.0"),
     (["build", "sea.vtu", "-o", "out", "--factor", "much"], "--factor"),
     (["build", "sea.vtu", "-o", "out", "--factor", "nan"], "'factor' is nan"),
@@ -189,7 +191,7 @@ WRONG = [
     (["convert", "sea.vtu"], "OUT"),
     (["convert", "sea.vtu", "a.docx"], "no format"),
     (["convert", "sea.vtu", "none/a.msh"], "does not exist"),
-    (["demo", "--nodes", "3"], "'n' is 3"),
+    (["demo", "--nodes", "3"], "'nodes' is 3"),
     (["demo", "--nodes", "100", "-o", "none/a.png"], "does not exist"),
 ]
 

@@ -120,3 +120,11 @@ def test_a_browser_shows_the_page(page: Path, tmp_path: Path) -> None:
     assert blue.sum() > 100  # histograms
     assert red.sum() > 20  # the slit
     assert np.all(image[:20, :20] == 1)  # a margin
+
+
+def test_a_hierarchy_that_the_domain_holds_up_says_what_goes_on() -> None:
+    sea = gallery.coast(600)
+    kept, dropped = coarsen.hierarchy(sea, coarsest=1), coarsen.hierarchy(sea, coarsest=1, features="drop")
+    assert "features='auto' or 'drop' goes on" in kept.summary()
+    assert dropped[-1].mesh.n_cells < kept[-1].mesh.n_cells
+    assert "features=" not in dropped.stopped

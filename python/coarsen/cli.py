@@ -53,7 +53,7 @@ app = typer.Typer(
 
 def _help(name: str) -> str:
     text = str(next(field.metadata["help"] for field in dataclasses.fields(Options) if field.name == name))
-    return text[0].upper() + text[1:] + "."
+    return (text[0].upper() if text[0].isascii() else text[0]) + text[1:] + "."
 
 
 def _default(name: str) -> Any:
@@ -136,9 +136,9 @@ def build(
     Options.from_kwargs(**given)  # before anything is read
     from .io import save_hierarchy, write_hierarchy
     from .io.aside import folder_aside
-    from .io.files import family_of
+    from .io.hierarchies import family_of_format
 
-    family_of(Path(f"level.{format.lstrip('.')}"), write=True)
+    family_of_format(format)
     if plot or report:
         _need_matplotlib()
     with folder_aside(output, (f"level_*.{format.lstrip('.')}",)) as folder:
@@ -222,7 +222,8 @@ def _short(value: Any) -> str:
         first = [f"{tag} ({count})" for tag, count in list(value.items())[:12]]
         return ", ".join(first) + (f", … {len(value)} in all" if len(value) > len(first) else "")
     if isinstance(value, list):
-        return ", ".join(_short(part) if isinstance(part, float) else str(part) for part in value) or "none"
+        parts = [f"({_short(part)})" if isinstance(part, list) else _short(part) for part in value]
+        return ", ".join(parts) or "none"
     return str(value)
 
 
@@ -306,6 +307,8 @@ def demo(
     """
     from .gallery import crack_plate
 
+    if nodes < 12:
+        raise ValueError(f"'nodes' is {nodes}, expected at least 12")
     plate = crack_plate(nodes)
     began = time.perf_counter()
     settings: dict[str, Any] = (

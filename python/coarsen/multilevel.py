@@ -33,6 +33,8 @@ STOPPED = {
 }
 """Why a hierarchy ends, by what the core says."""
 
+_GO_ON = " (the domain's features hold it; features='auto' or 'drop' goes on)"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Level:
@@ -297,6 +299,8 @@ def hierarchy(
     whole = Level(mesh, np.arange(mesh.n_points), 1.0, finest)
     coarser = [level_from(mesh, level) for level in made]
     text = STOPPED[stopped].format(depth=len(made), coarsest=checked.coarsest)
+    if stopped == "stalled" and checked.features == "keep" and mesh.dim > 1 and checked.method != "mis":
+        text += _GO_ON
     return Hierarchy([whole, *coarser], text, checked)
 
 

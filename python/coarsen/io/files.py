@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 from ..errors import MeshError
@@ -41,6 +42,10 @@ FAMILIES = (
 )
 
 
+_USUAL = (".msh", ".vtu", ".vtk", ".xdmf", ".su2", ".med", ".nc", ".14", ".grd", ".gr3", ".slf", ".node", ".npz")
+_LISTS = {True: "writable", False: "readable"}
+
+
 def family_of(path: Path, *, write: bool) -> Family:
     """Return the family that the end of a file's name tells.
 
@@ -64,8 +69,13 @@ def family_of(path: Path, *, write: bool) -> Family:
             bridge.read_through_meshio,
             bridge.write_through_meshio,
         )
-    known = ", ".join(writable() if write else readable())
-    raise MeshError(f"'{path.name}': no format is known by this ending, expected one of {known}")
+    known = writable() if write else readable()
+    usual = [ending for ending in _USUAL if ending in known]
+    close = get_close_matches(path.suffix.lower(), known, 1)
+    raise MeshError(
+        f"'{path.name}': no format is known by this ending{f' (did you mean {close[0]}?)' if close else ''}, expected "
+        f"{', '.join(usual)} or one of {len(known) - len(usual)} more, which coarsen.io.{_LISTS[write]}() lists"
+    )
 
 
 def readable() -> list[str]:
@@ -94,7 +104,9 @@ def read_draft(path: str | os.PathLike[str]) -> Draft:
     if not path.exists():
         raise FileNotFoundError(f"'{path}' does not exist")
     if path.is_dir():
-        raise IsADirectoryError(f"'{path}' is a folder, expected a mesh file")
+        raise IsADirectoryError(
+            f"'{path}' is a folder, expected a mesh file (coarsen.load takes a hierarchy's archive)"
+        )
     family = family_of(path, write=False)
     try:
         return family.read(path)

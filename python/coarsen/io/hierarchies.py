@@ -19,7 +19,7 @@ from ..errors import MeshError
 from ..mesh import Mesh, Topology
 from .aside import aside, folder_aside
 from .draft import drafted
-from .files import family_of, read, readable
+from .files import Family, family_of, read, readable
 from .npz import HIERARCHY_KEY, arrays_of
 
 if TYPE_CHECKING:
@@ -52,10 +52,7 @@ def write_hierarchy(h: Hierarchy, folder: str | os.PathLike[str], format: str = 
         If the format is unknown.
     """
     ending = "." + format.lstrip(".").lower()
-    try:
-        family = family_of(Path("level" + ending), write=True)
-    except MeshError:
-        raise ValueError(f"'format' is {format!r}, expected one of {', '.join(e[1:] for e in readable())}") from None
+    family = family_of_format(format)
     folder = Path(folder)
     width = len(str(len(h) - 1))
     names = [f"level_{i:0{width}d}{ending}" for i in range(len(h))]
@@ -70,6 +67,21 @@ def write_hierarchy(h: Hierarchy, folder: str | os.PathLike[str], format: str = 
             family.write(draft, place / name)
         names += _write_series(h, place, names, ending)
     return [folder / name for name in names]
+
+
+def family_of_format(format: str) -> Family:
+    """Return the family that writes files with this ending.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    try:
+        return family_of(Path(f"level.{format.lstrip('.').lower()}"), write=True)
+    except MeshError as error:
+        expected = str(error).partition("expected ")[2]
+        raise ValueError(f"'format' is {format!r}, expected {expected}") from None
 
 
 def _write_series(h: Hierarchy, folder: Path, names: list[str], ending: str) -> list[str]:
