@@ -50,6 +50,20 @@ def test_no_thrown_point_sees_a_larger_ratio_and_some_come_near(h):
         assert 0.8 * most < ratio.max() <= most * (1 + 1e-12)
 
 
+def test_similarity_is_known_cell_by_cell_but_outside_of_the_coarser_mesh(h):
+    sea = coarsen.hierarchy(gallery.coast(800), features="drop", coarsest=10)
+    outside = 0
+    for one in (h, sea):
+        for finer, coarser, most in zip(one[:-1], one[1:], check.similarities(one)[1:], strict=True):
+            found = check.local_similarity(finer, coarser)
+            assert found.shape == (finer.mesh.n_cells,)
+            assert np.nanmax(found) == most
+            outside += np.isnan(found).sum()
+            middles = finer.mesh.points[finer.mesh.cells].mean(axis=1)
+            assert np.all(holders(coarser.mesh, middles[np.isnan(found)]) == -1)
+    assert outside > 0
+
+
 def test_both_backends_measure_the_same_similarity(h):
     assert check.similarity(h[1], h[2], "numpy") == pytest.approx(check.similarity(h[1], h[2]), rel=1e-12)
 

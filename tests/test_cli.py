@@ -102,6 +102,7 @@ def test_info_of_a_mesh_and_of_a_folder(place: Path, capsys: Any) -> None:
 @pytest.mark.parametrize("words", [
     ["sea.vtu", "-o", "a.png"], ["sea.vtu", "-o", "a.svg", "--zoom", "5e4,5e4,1e4"], ["levels", "-o", "a.png"],
     ["levels", "-o", "a.pdf", "--kind", "angles"], ["levels", "-o", "a.png", "--kind", "quality"],
+    ["bare", "-o", "a.png", "--kind", "similarity"],
     ["levels", "-o", "a.png", "--level", "1"], ["levels/hierarchy.npz", "-o", "a.png"], ["bare", "-o", "a.png"],
 ])  # fmt: skip
 def test_plot_makes_one_picture(place: Path, words: list[str]) -> None:

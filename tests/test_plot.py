@@ -13,7 +13,7 @@ import coarsen
 from coarsen import gallery
 from coarsen.mesh import Mesh
 from coarsen.multilevel import Hierarchy
-from coarsen.plot import angles_of, plot_angles, plot_hierarchy, plot_level, plot_mesh, plot_quality
+from coarsen.plot import angles_of, plot_angles, plot_hierarchy, plot_level, plot_mesh, plot_quality, plot_similarity
 from coarsen.plot.meshes import BOUNDARY, FACET, INK, unique_edges
 
 matplotlib = pytest.importorskip("matplotlib")
@@ -133,6 +133,17 @@ def test_histograms_and_curves_hold_every_level(h: Hierarchy) -> None:
         assert {text.get_text() for text in figure.axes[0].get_legend().get_texts()} == {"function", "mis"}
     with pytest.raises(ValueError, match="'against' is 'time'"):
         plot_quality(h, against="time")
+
+
+def test_the_histogram_of_similarity_marks_the_largest_of_every_level(h: Hierarchy) -> None:
+    figure = plot_similarity(h)
+    assert len(figure.axes) == len(h) - 1
+    for ax, one in zip(figure.axes, h.check().levels[1:], strict=True):
+        assert ax.lines[0].get_xdata()[0] == one.similarity
+        heights = ax.patches[0].get_data().values
+        assert heights.sum() == h[one.level - 1].mesh.n_cells
+    with pytest.raises(ValueError, match="one level"):
+        plot_similarity(coarsen.hierarchy(gallery.square(100), levels=0))
 
 
 def test_angles_sum_to_half_a_turn() -> None:

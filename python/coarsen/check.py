@@ -23,6 +23,8 @@ from .backend import backend
 from .quality import longest_edges
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from .mesh import Mesh
     from .multilevel import Hierarchy, Level
 
@@ -101,6 +103,15 @@ class Conditioning:
 
 def similarity(finer: Level, coarser: Level, name: str = "rust") -> float:
     """Return the largest el of `coarser` over el of `finer`, over all points that both meshes hold."""
+    return float(np.nanmax(local_similarity(finer, coarser, name)))
+
+
+def local_similarity(finer: Level, coarser: Level, name: str = "rust") -> NDArray[np.float64]:
+    """Return how much longer elements become, by cell of `finer`: (m,).
+
+    The largest el of the cells of `coarser` that overlap a cell, over the cell's own el; NaN for a cell that lies
+    outside `coarser`.
+    """
     shared = np.searchsorted(finer.nodes, coarser.nodes)
     shared = np.minimum(shared, len(finer.nodes) - 1)
     injection = np.where(finer.nodes[shared] == coarser.nodes, shared, -1)
@@ -108,16 +119,21 @@ def similarity(finer: Level, coarser: Level, name: str = "rust") -> float:
     if one.dim == 1:
         return _line_similarity(one, two)
     indptr, indices, areas = backend(name).overlap(one.points, one.cells, two.points, two.cells, injection, None)
-    ratio = longest_edges(two)[indices] / np.repeat(longest_edges(one), np.diff(indptr))
-    return float(ratio.max(where=areas > 0, initial=0.0))
+    lengths = np.where(areas > 0, longest_edges(two)[indices], 0.0)
+    longest = np.zeros(one.n_cells)
+    some = indptr[:-1] < indptr[1:]
+    longest[some] = np.maximum.reduceat(lengths, indptr[:-1][some])
+    ratio: NDArray[np.float64] = np.where(longest > 0, longest, np.nan) / longest_edges(one)
+    return ratio
 
 
-def _line_similarity(one: Mesh, two: Mesh) -> float:
+def _line_similarity(one: Mesh, two: Mesh) -> NDArray[np.float64]:
     middle = one.points[one.cells, 0].mean(axis=1)
     starts = two.points[two.cells[:, 0], 0]
     order = np.argsort(starts)
     holder = order[np.maximum(np.searchsorted(starts[order], middle, side="right") - 1, 0)]
-    return float((longest_edges(two)[holder] / longest_edges(one)).max())
+    ratio: NDArray[np.float64] = longest_edges(two)[holder] / longest_edges(one)
+    return ratio
 
 
 def similarities(h: Hierarchy) -> list[float]:

@@ -39,7 +39,7 @@ Examples:
 ARCHIVE = "hierarchy.npz"
 PICTURE = "levels.png"
 REPORT = "report.html"
-KINDS = ("levels", "angles", "quality")
+KINDS = ("levels", "angles", "quality", "similarity")
 
 app = typer.Typer(
     name="coarsen",
@@ -242,7 +242,7 @@ def plot(
         raise ValueError(f"'kind' is {kind!r}, expected one of {', '.join(map(repr, KINDS))}")
     window = _window(zoom)
     _need_matplotlib()
-    from .plot import plot_angles, plot_level, plot_mesh, plot_quality
+    from .plot import plot_angles, plot_level, plot_mesh, plot_quality, plot_similarity
 
     if mesh.is_dir() or _holds_hierarchy(mesh):
         h: Any = _hierarchy_at(mesh) or _read_levels(mesh)
@@ -253,8 +253,13 @@ def plot(
             _save_picture(lambda: plot_level(h[level], over=over, window=window).figure, output)
             say(f"picture: {output}")
             return
-        draw = {"levels": lambda: _levels_picture(h, window), "angles": lambda: plot_angles(h)}
-        _save_picture(draw.get(kind, lambda: plot_quality(h)), output)
+        draw = {
+            "levels": lambda: _levels_picture(h, window),
+            "angles": lambda: plot_angles(h),
+            "quality": lambda: plot_quality(h),
+            "similarity": lambda: plot_similarity(h),
+        }
+        _save_picture(draw[kind], output)
     else:
         drawn = _read(mesh, split_quads, repair)
         _save_picture(lambda: plot_mesh(drawn, window=window).figure, output)

@@ -39,6 +39,11 @@ img { max-width: 100%; height: auto; display: block; margin: .4rem auto; }
 footer { margin-top: 3rem; color: var(--soft); font-size: .85rem; }
 """
 
+_SIMILARITY = (
+    "<p>How many times longer elements become from level to level, counted by cells of the finer one; the largest is "
+    "the I of Definition 2.4.</p>"
+)
+
 
 def report(h: Hierarchy, path: str | os.PathLike[str], *, title: str = "Mesh hierarchy", dpi: int = 130) -> Path:
     """Write an HTML page about a hierarchy that needs no other file.
@@ -63,7 +68,7 @@ def report(h: Hierarchy, path: str | os.PathLike[str], *, title: str = "Mesh hie
     ImportError
         If matplotlib is not installed.
     """
-    from .plot import plot_angles, plot_hierarchy, plot_level, plot_quality
+    from .plot import plot_angles, plot_hierarchy, plot_level, plot_quality, plot_similarity
 
     table = rows(h)
     flat = h[0].mesh.dim > 1
@@ -74,6 +79,8 @@ def report(h: Hierarchy, path: str | os.PathLike[str], *, title: str = "Mesh hie
         sections.append(
             ("Angles", _image(quality, dpi, "angles by level") + _image(angles, dpi, "histograms of angles"))
         )
+        if len(h) > 1:
+            sections.append(("Local similarity", _SIMILARITY + _image(plot_similarity(h), dpi, "local similarity")))
         middle = min(len(h) - 1, max(1, len(h) // 2))
         over = h[middle - 1].mesh if middle else None
         drawn = plot_level(h[middle], over=over).figure

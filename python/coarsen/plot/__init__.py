@@ -2,7 +2,7 @@
 
 from .levels import plot_hierarchy, plot_level
 from .meshes import plot_mesh
-from .quality import angles_of, plot_angles, plot_quality
+from .quality import angles_of, plot_angles, plot_quality, plot_similarity
 from .views import grid_of, level_grid, view_hierarchy, view_mesh
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "plot_level",
     "plot_mesh",
     "plot_quality",
+    "plot_similarity",
     "view_hierarchy",
     "view_mesh",
 ]
