@@ -141,24 +141,32 @@ def build(
     family_of_format(format)
     if plot or report:
         _need_matplotlib()
-    with folder_aside(output, (f"level_*.{format.lstrip('.')}",)) as folder:
+    with folder_aside(output, (f"level_*.{format.lstrip('.')}",)) as folder, bars() as progress:
+        step = progress or (lambda *_: None)
         began = time.perf_counter()
+        step("reading", 0, 1)
         read = _read(mesh, split_quads, repair)
         loaded = time.perf_counter()
-        with bars() as progress:
-            h = hierarchy(read, progress=progress or False, **given)
+        h = hierarchy(read, progress=progress or False, **given)
         built = time.perf_counter()
-        files = [file.name for file in write_hierarchy(h, folder, format)]
+        files = []
+        parts = 2 + plot + report
+        step("writing", 0, parts)
+        files += [file.name for file in write_hierarchy(h, folder, format)]
+        step("writing", 1, parts)
         save_hierarchy(h, folder / ARCHIVE, operators=operators)
         files.append(ARCHIVE)
         if plot:
+            step("writing", 2, parts)
             _save_picture(lambda: _levels_picture(h, None), folder / PICTURE)
             files.append(PICTURE)
         if report:
             from .page import report as write_report
 
+            step("writing", parts - 1, parts)
             write_report(h, folder / REPORT, title=mesh.name)
             files.append(REPORT)
+        step("writing", parts, parts)
     if json_:
         seconds = {"read": loaded - began, "build": built - loaded, "write": time.perf_counter() - built}
         _print_json({"mesh": str(mesh), "folder": str(output), "files": files, **_as_json(h), "seconds": seconds})

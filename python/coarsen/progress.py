@@ -45,7 +45,11 @@ def progress_bar() -> Iterator[Step]:
         progress.update(stages[stage], completed=done, total=totals[stage])
 
     with progress:
-        yield step
+        try:
+            yield step
+        except BaseException:  # leave the screen to what is said about it
+            progress.live.transient = True
+            raise
         finish()
 
 

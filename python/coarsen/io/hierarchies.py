@@ -172,12 +172,16 @@ def save_hierarchy(h: Hierarchy, path: str | os.PathLike[str], *, operators: boo
         "cell_names": h[0].mesh.cell_names,
     }
     arrays[HIERARCHY_KEY] = np.array(json.dumps(head))
-    with aside(path) as place, place.open("wb") as out:
-        np.savez_compressed(
-            out,
-            allow_pickle=False,
-            **{k: v for k, v in arrays.items() if v is not None},
-        )
+    with aside(path) as place:
+        _save({name: np.asanyarray(array) for name, array in arrays.items() if array is not None}, place)
+
+
+def _save(arrays: dict[str, Any], path: Path) -> None:
+    """Write an archive as NumPy does, with the quickest compression: its own takes four times as long."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as out:
+                np.lib.format.write_array(out, array, allow_pickle=False)
 
 
 def holds_hierarchy(path: str | os.PathLike[str]) -> bool:
