@@ -195,7 +195,7 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
     let domain = Domain::new(input.points, input.facets, options.cos_feature)?;
     let all = candidates(input.points, &domain);
     let (tree, nodes): (&KdTree<2>, &[u32]) = (&all.tree, &all.nodes);
-    progress.enter(1, 1)?;
+    progress.enter(1, nodes.len() as u64)?;
     let g = match input.spacing {
         None => nearest(tree, progress)?,
         Some(spacing) => candidate_spacing(spacing, &domain, nodes),
@@ -440,6 +440,7 @@ impl Builder<'_> {
         self.progress.enter(2, 1)?;
         let p = self.pool_for(i)?;
         let pool = &self.pools[p];
+        self.progress.enter(2, pool.candidates.nodes.len() as u64)?;
         if self.at_hand != p {
             for (k, &node) in pool.candidates.nodes.iter().enumerate() {
                 self.candidate_of[node as usize] = k as u32;

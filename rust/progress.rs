@@ -42,9 +42,10 @@ impl Progress {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Stage, steps done, steps in all.
+    /// Stage, steps done, steps in all; never more done than there are, though a stage may take more than was foreseen.
     pub fn read(&self) -> (&'static str, u64, u64) {
         let stage = self.stage.load(Ordering::Relaxed).min(STAGES.len() - 1);
-        (STAGES[stage], self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))
+        let total = self.total.load(Ordering::Relaxed);
+        (STAGES[stage], self.done.load(Ordering::Relaxed).min(total), total)
     }
 }

@@ -31,7 +31,7 @@ def note(text: str) -> None:
 def complain(text: str) -> None:
     """Print one line about an error on stderr."""
     line = " ".join(text.split())
-    Console(stderr=True, soft_wrap=True, highlight=False).print(Text("coarsen: ", style="bold red") + Text(line))
+    Console(stderr=True, soft_wrap=True, highlight=False).print(Text.assemble(("coarsen: ", "bold red"), line))
 
 
 def levels_table(h: Hierarchy, title: str) -> Table:

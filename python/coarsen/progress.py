@@ -14,7 +14,7 @@ _WIDTH = 36
 
 @contextmanager
 def progress_bar() -> Iterator[Step]:
-    """Give a function (stage, done, total) that draws one bar a stage; stages follow each other."""
+    """Give a function (stage, done, total) that draws one bar a stage; stages come back for every level."""
     try:
         rich = importlib.import_module("rich.progress")
         console = importlib.import_module("rich.console").Console(stderr=True)
@@ -30,19 +30,22 @@ def progress_bar() -> Iterator[Step]:
         console=console,
     )
     stages: dict[str, Any] = {}
-    totals: dict[str, int] = {}
+    running = [""]
 
     def finish() -> None:
-        for stage, task in stages.items():
-            progress.update(task, completed=totals[stage])
-            progress.stop_task(task)
+        if running[0]:
+            progress.update(stages[running[0]], completed=1, total=1)
 
     def step(stage: str, done: int, total: int) -> None:
-        totals[stage] = max(total, 1)
-        if stage not in stages:
+        whole = total if total > 1 else None  # of one step nobody knows how far it is: the bar moves to and fro
+        if stage != running[0]:
             finish()
-            stages[stage] = progress.add_task(stage, total=totals[stage])
-        progress.update(stages[stage], completed=done, total=totals[stage])
+            running[0] = stage
+            if stage in stages:  # a later level
+                progress.reset(stages[stage], total=whole)
+            else:
+                stages[stage] = progress.add_task(stage, total=whole)
+        progress.update(stages[stage], completed=done, total=whole)
 
     with progress:
         try:
