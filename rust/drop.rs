@@ -1,10 +1,13 @@
 //! Levels of a simplified domain (`features = "drop"`): what is smaller than the spacing is closed or cut off.
 //!
-//! Nodes are selected as in Figure 2, but none is forced: facet vertices that stand out at the scale of f come first,
-//! then the others, all under the conflict rule, and no vertex is put back. Chords that would be no valid domain are
-//! given up instead. The cells of the constrained Delaunay triangulation of what is kept are inside where valid chords
-//! say so; elsewhere most of their sample points (centroid and three towards the corners) must lie in the input
-//! mesh. Then slivers are peeled off the rim.
+//! Nodes are selected as in Figure 2, but none is forced. Facet vertices that stand out at the scale of f come first, and
+//! those that do so at f/2 too (corners, not the vertices beside one) may be twice as near to each other: what is lost
+//! with the corner of a thin part is much. Then come those that stand out at f/2 only (what is no corner should not keep out
+//! what is one on a finer level), the other vertices of walls, and last those of interfaces, all under the conflict rule. No
+//! vertex is put back: chords that would be no valid domain are given up instead. The cells of the constrained Delaunay
+//! triangulation of what is kept are inside where valid chords say so; elsewhere most of their sample points (centroid
+//! and three towards the corners) must lie in the input mesh. Then slivers are peeled off the rim, or a node of them is
+//! taken out.
 //!
 //! Selection goes from coarse to fine, as in Figure 3. A node that ends in no cell is taken out, of this level and of all
 //! coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
@@ -33,12 +36,25 @@ const RIM_ANGLE_DEG: f64 = 15.0;
 /// Mending may change the area by this share of the input's more than dropping features did.
 const MOST_CHANGE: f64 = 0.05;
 
-/// A vertex that stands out at f comes first, then those at f/2, f/4, so many in all: a coarser level should not keep
-/// what is no corner beside what is one on a finer level.
-const CORNER_SCALES: u8 = 2;
+/// Larger cells, by their share of the area of the input, are peeled off the rim only if they can't be mended.
+const PEEL: f64 = 0.01;
+
+/// Rounds in which that is tried.
+const MENDING: usize = 4;
 
 /// Triangulations of one level at most: each but the last takes out nodes that end in no cell.
 const MOST_ROUNDS: usize = 32;
+
+/// What selection goes by.
+#[derive(Clone, Copy)]
+pub struct Terms<'a> {
+    /// The parameters of Figure 2.
+    pub rules: Rules,
+    /// Cosine of the feature angle.
+    pub cos_feature: f64,
+    /// Facet vertices that may not be kept; empty where all may be.
+    pub is_barred: &'a [bool],
+}
 
 /// Selects a level's nodes among the candidates, keeping `seeds` (see [`crate::level::select`]).
 pub fn select(
@@ -47,7 +63,7 @@ pub fn select(
     f: &[f64],
     seeds: &Choice,
     candidate_of: impl Fn(u32) -> u32,
-    (rules, cos_feature): (Rules, f64),
+    Terms { rules, cos_feature, is_barred }: Terms<'_>,
     progress: &Progress,
 ) -> Result<Choice, Error> {
     let facets = domain.len();
@@ -56,20 +72,38 @@ pub fn select(
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
     keep.extend(&seeded);
     let is_speck = domain.specks(&f[..facets]);
-    let (mut corners, mut order) = (Vec::new(), Vec::new());
-    for v in (0..facets as u32).filter(|&v| !kept[v as usize] && !is_speck[domain.chain_of(v) as usize]) {
-        let at = |scale: u8| {
-            let sharpness = domain.stands_out(v, f[v as usize] / f64::from(1u32 << scale), cos_feature)?;
-            Some((scale, sharpness))
-        };
-        match (0..CORNER_SCALES).find_map(at) {
-            Some((scale, sharpness)) => corners.push((scale, sharpness, v)),
-            None => order.push(v),
+    let (mut corners, mut lesser, mut order) = (Vec::new(), Vec::new(), Vec::new());
+    let mut room = f.to_vec();
+    let is_free = |&v: &u32| {
+        let is_barred = is_barred.get(v as usize).is_some_and(|&barred| barred);
+        !is_barred && !kept[v as usize] && !is_speck[domain.chain_of(v) as usize]
+    };
+    for v in (0..facets as u32).filter(is_free) {
+        let at = |scale: f64| domain.stands_out(v, scale * f[v as usize], cos_feature);
+        if let Some(sharpness) = at(1.0) {
+            if at(0.5).is_some() {
+                room[v as usize] /= 2.0;
+            }
+            corners.push((sharpness, v));
+        } else if let Some(sharpness) = at(0.5) {
+            lesser.push((sharpness, v));
+        } else {
+            order.push(v);
         }
     }
-    corners.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)).then(a.2.cmp(&b.2)));
+    let by_sharpness = |mut corners: Vec<(f64, u32)>| {
+        corners.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        corners.into_iter().map(|(_, v)| v)
+    };
+    let corners: Vec<u32> = by_sharpness(corners).collect();
+    for v in greedy(&candidates.tree, &room, rules.beta, &corners, &keep, progress)? {
+        kept[v as usize] = true;
+        keep.push(v);
+    }
     rank(&mut order, f);
-    let order: Vec<u32> = corners.into_iter().map(|(.., v)| v).chain(order).collect();
+    let is_wall = |&v: &u32| !domain.chains[domain.chain_of(v) as usize].edges[0].interior;
+    let (walls, inner): (Vec<u32>, Vec<u32>) = order.into_iter().partition(is_wall);
+    let order: Vec<u32> = by_sharpness(lesser).chain(walls).chain(inner).collect();
     for v in greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)? {
         kept[v as usize] = true;
     }
@@ -159,11 +193,12 @@ impl<'a> Ground<'a> {
         }
         let mut most_change = None;
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
-        for _ in 0..MOST_ROUNDS {
+        let mut most_area = PEEL * self.area;
+        for round in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
             choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles, &choice.chords);
             let Some(mut cells) = self.triangulate(choice, f)? else { break };
-            cells.peel(RIM_ANGLE_DEG);
+            cells.peel(RIM_ANGLE_DEG, most_area);
             cells.unpinch(RIM_ANGLE_DEG, |site| self.runs(site));
             cells.drop_crumbs();
             cells.free_moot_chords(|c| self.is_given(&choice.chords[c]));
@@ -179,7 +214,10 @@ impl<'a> Ground<'a> {
             } else {
                 *choice = next;
             }
-            if is_last {
+            if shape.0 > 0 && most_area < f64::INFINITY && (is_last || round >= MENDING) {
+                // what can't be mended is peeled off, however large
+                most_area = f64::INFINITY;
+            } else if is_last {
                 break;
             }
         }

@@ -120,6 +120,7 @@ pub enum Stopped {
 }
 
 /// One coarser level.
+#[derive(Clone)]
 pub struct Level {
     /// Its mesh.
     pub mesh: LevelMesh,
@@ -149,7 +150,6 @@ pub(crate) struct Chosen {
     f: Vec<f64>,
     /// Places of the interior candidates.
     pub(crate) places: Vec<Place>,
-    pub(crate) pool: usize,
 }
 
 /// A level before it is written in the input's terms.
@@ -182,6 +182,8 @@ pub(crate) struct Builder<'a> {
     /// Candidate of a node in the pool at hand.
     pub(crate) candidate_of: Vec<u32>,
     pub(crate) at_hand: usize,
+    /// Facet vertices that no level may keep where features are dropped; empty where all may be.
+    pub(crate) is_barred: Vec<bool>,
 }
 
 /// The coarser levels, finest first, why they end, and g at the nodes of the input.
@@ -232,22 +234,23 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         }
         Drop::Always => {
             let depth = options.levels.map_or_else(|| builder.drop_depth(), Ok)?;
-            (builder.drop_levels(1, depth)?.0, Stopped::Levels)
+            (builder.drop_levels(1, depth, None)?, Stopped::Levels)
         }
         Drop::Auto => {
-            let (last, is_enough, inside) = builder.last_worth_keeping()?;
+            let (last, is_enough) = builder.last_worth_keeping()?;
+            let mut levels = builder.levels(1, last, Choice::default())?.0;
             let free = base.spacing(None)?;
             let mut plain = base.builder(&free);
-            if let Some(inside) = inside {
-                plain.draw_from(inside);
+            let finer = levels.last().filter(|_| options.nested);
+            if let Some(finer) = finer {
+                plain.draw_from(&finer.mesh.nodes);
             }
             let depth = match options.levels {
                 Some(levels) => levels,
                 None if is_enough => last,
                 None => plain.drop_depth()?.max(last + 1),
             };
-            let (dropped, seeds) = plain.drop_levels(last + 1, depth)?;
-            let mut levels = builder.levels(1, last, seeds)?.0;
+            let dropped = plain.drop_levels(last + 1, depth, levels.last())?;
             levels.extend(dropped);
             (levels, Stopped::Levels)
         }
@@ -257,6 +260,8 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
     {
         levels.truncate(first + 1);
         stopped = Stopped::Coarsest;
+    } else if options.levels.is_none() {
+        stopped = Stopped::Stalled;
     }
     Ok((levels, stopped, finest))
 }
@@ -299,6 +304,7 @@ impl<'a> Base<'a> {
             euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
             candidate_of: vec![NONE; input.points.len()],
             at_hand: usize::MAX,
+            is_barred: Vec::new(),
             pools: vec![Pool { candidates: self.all.borrowed(), members, f: Vec::new(), visits: 0 }],
             input,
             options: self.options,
@@ -462,7 +468,7 @@ impl Builder<'_> {
         let candidate_of = |node: u32| self.candidate_of[node as usize];
         let (choice, places) =
             select(self.domain, &pool.candidates, &mut f, seeds, candidate_of, self.options.rules, self.progress)?;
-        Ok(Chosen { choice, f, places, pool: p })
+        Ok(Chosen { choice, f, places })
     }
 
     /// Candidates looked at to make level i from a pool: the level that first draws from it bears its cost.

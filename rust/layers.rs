@@ -7,7 +7,7 @@
 use crate::domain::FacetRow;
 use crate::drop::Dropped;
 use crate::error::Error;
-use crate::hierarchy::{Hierarchy, Input, Level, Options, STALL, Stopped, hierarchy};
+use crate::hierarchy::{Drop, Hierarchy, Input, Level, Options, STALL, Stopped, hierarchy};
 use crate::level::LevelMesh;
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
@@ -32,9 +32,13 @@ pub fn hierarchy_in_layers(
     let depth = match options.levels {
         Some(levels) => levels,
         None => {
+            // together the layers' last levels should be small enough; where some are left out, their factors still tell
+            let options = Options { coarsest: (options.coarsest / layers.len().max(1)).max(1), ..options };
             let mut deepest = 0;
             for one in &layers {
-                deepest = deepest.max(hierarchy(&one.input(), options, progress)?.0.len());
+                let (levels, ..) = hierarchy(&one.input(), options, progress)?;
+                let last = levels.last().map_or(1.0, |level| level.factor);
+                deepest = deepest.max((last.ln() / options.factor.ln()).round() as usize);
             }
             deepest
         }
@@ -58,7 +62,10 @@ pub fn hierarchy_in_layers(
         let level = join(parts);
         let now = level.mesh.cells.len();
         if options.levels.is_none() && now as f64 > STALL * before as f64 {
-            return Ok((levels, Stopped::Stalled, g));
+            if options.drop == Drop::Never {
+                return Ok((levels, Stopped::Stalled, g));
+            }
+            continue;
         }
         levels.push(level);
         before = now;

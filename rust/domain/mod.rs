@@ -397,10 +397,13 @@ fn join(facets: &[FacetRow], vertex_of: &HashMap<u32, u32>) -> Result<Vec<FacetE
     Ok(edges)
 }
 
-/// Squared distance from `p` to the segment `a b`.
+/// Squared distance from `p` to the segment `a b`, measured from the nearer end: along a segment 1e15 times as long as the
+/// distance, rounding would hide it.
 pub fn segment_distance_2(p: &Point<2>, a: &Point<2>, b: &Point<2>) -> f64 {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let (px, py) = (p[0] - a[0], p[1] - a[1]);
+    let (px, py, qx, qy) = (p[0] - a[0], p[1] - a[1], p[0] - b[0], p[1] - b[1]);
+    let first = px * px + py * py <= qx * qx + qy * qy;
+    let (dx, dy, px, py) = if first { (dx, dy, px, py) } else { (-dx, -dy, qx, qy) };
     let length_2 = dx * dx + dy * dy;
     let t = if length_2 > 0.0 { ((px * dx + py * dy) / length_2).clamp(0.0, 1.0) } else { 0.0 };
     let (ex, ey) = (px - t * dx, py - t * dy);

@@ -95,7 +95,11 @@ impl Ground<'_> {
                     mesh.facet_tags.push(on_chord.unwrap_or_else(|| self.nearby(sites)));
                 }
                 [_, (_, other, _)] => {
-                    let given = on_chord.flatten();
+                    let other_side = || {
+                        let chord = (constraint != NONE).then(|| &choice.chords[constraint as usize / 2])?;
+                        self.attribute(chord, 1 - constraint as usize % 2)
+                    };
+                    let given = on_chord.flatten().or_else(other_side);
                     if given.is_some() || mesh.cell_tags[c] != mesh.cell_tags[*other as usize] {
                         interior.push((ends, [c as u32, *other], given));
                     }

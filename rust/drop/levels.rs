@@ -1,15 +1,22 @@
 //! The levels that drop features: selected coarse to fine, settled fine to coarse, and where they begin and end.
 
-use super::{Ground, select};
+use super::{Dropped, Ground, Terms, select};
+use crate::domain::Domain;
 use crate::error::Error;
-use crate::hierarchy::{Builder, Level, MAX_LEVELS};
+use crate::hierarchy::{Builder, Level, MAX_LEVELS, STALL};
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, LevelMesh, Place};
+use crate::level::{Candidates, Choice, LevelMesh};
 use crate::point::Point;
 use std::borrow::Cow;
 
 /// Tries of a spacing a quarter as large where a level has no cell.
 const MOST_TRIES: i32 = 40;
+
+/// A maximal independent set drawn from a set that is hardly denser has holes: nodes may be nearer by this much there.
+const DENSER: f64 = 1.2;
+
+/// A settled level.
+type Made = (LevelMesh, Dropped);
 
 /// A selected level that is not settled yet.
 struct Plan {
@@ -22,6 +29,14 @@ struct Plan {
 }
 
 impl Plan {
+    /// Facet vertices and interior nodes that it keeps and that are allowed.
+    fn sites(&self, domain: &Domain, allowed: Option<&[bool]>) -> usize {
+        let is_allowed = |node: &u32| allowed.is_none_or(|allowed| allowed[*node as usize]);
+        let kept = (0..domain.len() as u32).filter(|&v| self.choice.kept[v as usize]);
+        kept.filter(|&v| domain.copies(v).iter().any(is_allowed)).count()
+            + self.choice.interior.iter().filter(|node| is_allowed(node)).count()
+    }
+
     fn spacing(&self, ground: &Ground<'_>, mesh: &LevelMesh) -> Vec<f64> {
         mesh.nodes
             .iter()
@@ -35,29 +50,23 @@ impl Plan {
 
 impl Builder<'_> {
     /// The number of levels that keep features and still take a good part of the cells away: a quarter for a factor of 2,
-    /// a third of what an unbounded domain would lose for any other. Also whether they are enough, and the candidates (of
-    /// the finest pool) that the last of them may keep: coarser levels are to draw from these, as it keeps their nodes.
-    pub(crate) fn last_worth_keeping(&mut self) -> Result<(usize, bool, Option<Vec<u32>>), Error> {
+    /// a third of what an unbounded domain would lose for any other. Also whether they are enough.
+    pub(crate) fn last_worth_keeping(&mut self) -> Result<(usize, bool), Error> {
         let share = 1.0 - (1.0 - self.options.factor.powi(-2)) / 3.0;
         let most = self.options.levels.unwrap_or(MAX_LEVELS);
         let mut before = self.input.cells.len();
-        let mut inside = None;
         for i in 1..=most {
             let chosen = self.choose(i, &Choice::default())?;
             let now = self.n_cells(&chosen.choice);
             if now as f64 > share * before as f64 {
-                return Ok((i - 1, false, inside));
+                return Ok((i - 1, false));
             }
             if self.options.levels.is_none() && now <= self.options.coarsest {
-                return Ok((i, true, inside));
+                return Ok((i, true));
             }
             before = now;
-            let facets = self.domain.len();
-            let is_inside = |k: &usize| *k < facets || chosen.places[*k - facets] == Place::Inside;
-            let members = &self.pools[chosen.pool].members;
-            inside = Some((0..members.len()).filter(is_inside).map(|k| members[k]).collect());
         }
-        Ok((most, true, inside))
+        Ok((most, true))
     }
 
     /// The first level whose nodes are so few that no triangulation of them has more than `coarsest` cells.
@@ -81,12 +90,19 @@ impl Builder<'_> {
         Ok(depth)
     }
 
+    fn terms(&self) -> Terms<'_> {
+        let mut rules = self.options.rules;
+        if !self.is_barred.is_empty() {
+            rules.beta *= DENSER;
+        }
+        Terms { rules, cos_feature: self.options.cos_feature, is_barred: &self.is_barred }
+    }
+
     fn plan(&mut self, i: usize, seeds: &Choice) -> Result<Plan, Error> {
         let (f, p) = self.at_hand(i)?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
-        let rules = (self.options.rules, self.options.cos_feature);
         let candidates = &self.pools[p].candidates;
-        let choice = select(self.domain, candidates, &f, seeds, candidate_of, rules, self.progress)?;
+        let choice = select(self.domain, candidates, &f, seeds, candidate_of, self.terms(), self.progress)?;
         let mut at_interior: Vec<(u32, f64)> =
             choice.interior.iter().map(|&node| (node, f[candidate_of(node) as usize])).collect();
         at_interior.sort_unstable_by_key(|at| at.0);
@@ -94,9 +110,14 @@ impl Builder<'_> {
         Ok(Plan { choice, at_facets, at_interior, visits: self.visits(i, p) })
     }
 
-    /// Makes levels `first` to `depth`; also returns what the finest of them keeps. With an open depth the levels end at
-    /// the first of at most `coarsest` cells.
-    pub(crate) fn drop_levels(&mut self, first: usize, depth: usize) -> Result<(Vec<Level>, Choice), Error> {
+    /// Makes levels `first` to `depth` after level `finer`, or after the input. With an open depth a level that would hardly
+    /// be smaller than the one before is left out, and the levels end at the first of at most `coarsest` cells.
+    pub(crate) fn drop_levels(
+        &mut self,
+        first: usize,
+        depth: usize,
+        finer: Option<&Level>,
+    ) -> Result<Vec<Level>, Error> {
         let mut plans: Vec<Plan> = Vec::new();
         for i in (first..=depth).rev() {
             let none = Choice::default();
@@ -106,37 +127,63 @@ impl Builder<'_> {
         }
         plans.reverse();
         let ground = Ground::new(self.domain, self.input, self.options.cos_feature);
-        let mut allowed: Option<Vec<bool>> = None;
+        let nodes_of = |mesh: &LevelMesh| {
+            let mut is_in = vec![false; self.input.points.len()];
+            mesh.nodes.iter().for_each(|&node| is_in[node as usize] = true);
+            is_in
+        };
+        let mut allowed = finer.filter(|_| self.options.nested).map(|level| nodes_of(&level.mesh));
+        let mut before = finer.map_or(self.input.cells.len(), |level| level.mesh.cells.len());
+        let is_open = self.options.levels.is_none();
+        let mut sites = self.pools[0].members.len() - self.is_barred.iter().filter(|&&barred| barred).count();
+        let mut visits = 0;
         let mut levels: Vec<Level> = Vec::new();
         for k in 0..plans.len() {
             self.progress.enter(3, 1)?;
+            visits += plans[k].visits;
+            // most of those left out are known before they are made
+            let planned = plans[k].sites(self.domain, allowed.as_deref());
+            if is_open && k + 1 < plans.len() && planned as f64 > STALL * sites as f64 {
+                continue;
+            }
             let plan = &mut plans[k];
             let made = ground.settle(&mut plan.choice, &plan.at_facets, allowed.as_deref())?;
-            let (mesh, dropped) = match made {
-                Some(made) => made,
+            let made = match made {
+                Some(made) => Some(made),
                 None => {
                     let finer = k.checked_sub(1).map(|k| &plans[k]);
-                    let (plan, made) = self.denser(&ground, finer, allowed.as_deref())?;
-                    plans[k] = plan;
-                    made
+                    self.denser(&ground, finer, allowed.as_deref())?.map(|(plan, made)| {
+                        plans[k] = plan;
+                        made
+                    })
                 }
             };
+            let factor = self.factor(first + k);
+            let Some((mesh, dropped)) = made else {
+                let Some(last) = levels.last().or(finer) else {
+                    return Err(Error::Internal("no level of the domain has a cell".into()));
+                };
+                let again = Level { factor, dropped: last.dropped.or(Some(Dropped::default())), ..last.clone() };
+                levels.extend((!is_open).then_some(again));
+                continue;
+            };
             let plan = &plans[k];
+            let now = mesh.cells.len();
+            let is_last = is_open && now <= self.options.coarsest;
+            if is_open && !is_last && now as f64 > STALL * before as f64 {
+                continue;
+            }
             let spacing = plan.spacing(&ground, &mesh);
             if self.options.nested {
-                let mut is_in = vec![false; self.input.points.len()];
-                mesh.nodes.iter().for_each(|&node| is_in[node as usize] = true);
-                allowed = Some(is_in);
+                allowed = Some(nodes_of(&mesh));
             }
-            let is_last = self.options.levels.is_none() && mesh.cells.len() <= self.options.coarsest;
-            let factor = self.factor(first + k);
-            levels.push(Level { mesh, factor, spacing, visits: plan.visits, dropped: Some(dropped) });
+            (before, sites) = (now, plan.sites(self.domain, None));
+            levels.push(Level { mesh, factor, spacing, visits: std::mem::take(&mut visits), dropped: Some(dropped) });
             if is_last {
                 break;
             }
         }
-        let finest = plans.into_iter().next().map_or_else(Choice::default, |plan| plan.choice);
-        Ok((levels, finest))
+        Ok(levels)
     }
 
     /// A level in place of one that has no cell: from the nodes of the finer level, with a spacing made smaller until there
@@ -146,7 +193,7 @@ impl Builder<'_> {
         ground: &Ground<'_>,
         finer: Option<&Plan>,
         allowed: Option<&[bool]>,
-    ) -> Result<(Plan, (LevelMesh, super::Dropped)), Error> {
+    ) -> Result<Option<(Plan, Made)>, Error> {
         let facets = self.domain.len();
         let (f, all) = match finer {
             Some(plan) => {
@@ -167,30 +214,34 @@ impl Builder<'_> {
         let points: Vec<Point<2>> = all.iter().map(|&node| self.input.points[node as usize]).collect();
         let tree = Cow::Owned(KdTree::new(&points));
         let candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(all) };
-        let rules = (self.options.rules, self.options.cos_feature);
         for attempt in 0..MOST_TRIES {
             let scale = self.options.factor * 0.25f64.powi(attempt);
             let f: Vec<f64> = f.iter().map(|f| f * scale).collect();
             let none = Choice::default();
-            let mut choice = select(self.domain, &candidates, &f, &none, |node| node, rules, self.progress)?;
+            let mut choice = select(self.domain, &candidates, &f, &none, |node| node, self.terms(), self.progress)?;
             let Some(made) = ground.settle(&mut choice, &f, allowed)? else { continue };
             let mut at_interior: Vec<(u32, f64)> =
                 candidates.nodes[facets..].iter().copied().zip(f[facets..].iter().copied()).collect();
             at_interior.sort_unstable_by_key(|at| at.0);
             let visits = candidates.nodes.len();
-            return Ok((Plan { choice, at_facets: f[..facets].to_vec(), at_interior, visits }, made));
+            return Ok(Some((Plan { choice, at_facets: f[..facets].to_vec(), at_interior, visits }, made)));
         }
-        Err(Error::Internal("no level of the domain has a cell".into()))
+        Ok(None)
     }
 
-    /// Lets all levels draw from certain candidates of the finest pool only.
-    pub(crate) fn draw_from(&mut self, members: Vec<u32>) {
+    /// Lets all levels draw from certain nodes only (ascending): those of a finer level, as they are to be nested in it.
+    pub(crate) fn draw_from(&mut self, wanted: &[u32]) {
+        let facets = self.domain.len();
+        let is_wanted = |node: &u32| wanted.binary_search(node).is_ok();
+        self.is_barred = (0..facets as u32).map(|v| !self.domain.copies(v).iter().any(is_wanted)).collect();
         let finest = &mut self.pools[0];
-        let points: Vec<Point<2>> = members.iter().map(|&k| finest.candidates.points[k as usize]).collect();
-        let nodes = members.iter().map(|&k| finest.candidates.nodes[k as usize]).collect();
+        let is_in = |&k: &usize| k < facets || is_wanted(&finest.candidates.nodes[k]);
+        let members: Vec<usize> = (0..finest.candidates.nodes.len()).filter(is_in).collect();
+        let points: Vec<Point<2>> = members.iter().map(|&k| finest.candidates.points[k]).collect();
+        let nodes = members.iter().map(|&k| finest.candidates.nodes[k]).collect();
         let tree = Cow::Owned(KdTree::new(&points));
         finest.candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(nodes) };
-        finest.members = members;
+        finest.members = members.into_iter().map(|k| k as u32).collect();
         self.pools.truncate(1);
         self.at_hand = usize::MAX;
     }

@@ -12,7 +12,6 @@
 //! A short run is cut off, or a short gap filled with cells that are no slivers, where that leaves fewer such nodes; of
 //! the ways that do, the one that changes the area least.
 
-use super::area;
 use super::trim::Trimmed;
 use crate::point::NONE;
 
@@ -90,9 +89,5 @@ impl Trimmed {
             }
         }
         ways
-    }
-
-    fn area_of(&self, t: usize) -> f64 {
-        area(&self.cells.cells[t].map(|s| self.points[s as usize]))
     }
 }

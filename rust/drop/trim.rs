@@ -194,9 +194,9 @@ impl Trimmed {
         })
     }
 
-    /// Takes cells under `limit_deg` off the rim, the worst first: ears (two rim edges), and cells with one rim edge
-    /// whose opposite corner is not on the rim. The level is never emptied.
-    pub fn peel(&mut self, limit_deg: f64) {
+    /// Takes cells under `limit_deg`, and no larger than `most_area`, off the rim, the worst first: ears (two rim edges),
+    /// and cells with one rim edge whose opposite corner is not on the rim. The level is never emptied.
+    pub fn peel(&mut self, limit_deg: f64, most_area: f64) {
         let mut rim = vec![0u32; self.sites.len()];
         let mut left = 0;
         for t in self.alive() {
@@ -225,7 +225,7 @@ impl Trimmed {
                 }
                 _ => true,
             };
-            if !goes {
+            if !goes || self.area_of(t) > most_area {
                 continue;
             }
             self.label[t] = None;
@@ -282,7 +282,12 @@ impl Trimmed {
 
     /// Area of the level.
     pub fn area(&self) -> f64 {
-        self.alive().map(|t| area(&self.cells.cells[t].map(|s| self.points[s as usize]))).sum()
+        self.alive().map(|t| self.area_of(t)).sum()
+    }
+
+    /// Area of a cell.
+    pub fn area_of(&self, t: usize) -> f64 {
+        area(&self.cells.cells[t].map(|s| self.points[s as usize]))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tries the hierarchy on random domains: `cargo run --release --no-default-features --example fuzz -- SEED COUNT`.
 //!
-//! Prints each failure as a mesh made small, and how many domains there were. A third argument `-v` prints every draw's size; `-n`
+//! Prints each failure as a mesh made small, and how many domains there were. A third argument `-v` prints every draw's size and options; `-n`
 //! leaves failures as they were drawn.
 
 #[path = "../tests/fuzz/mod.rs"]
@@ -27,9 +27,12 @@ fn main() {
         let Some((plane, options)) = fuzz::draw(seed) else { continue };
         legal += 1;
         let from = Instant::now();
+        if verbose {
+            println!("{seed}: {} nodes, {} cells, {options:?}", plane.points.len(), plane.cells.len());
+        }
         let failure = fuzz::failure(&plane, options);
         if verbose {
-            println!("{seed}: {} nodes, {} cells, {:?}", plane.points.len(), plane.cells.len(), from.elapsed());
+            println!("  {:?}", from.elapsed());
         }
         let Some(text) = failure else { continue };
         let rule = fuzz::shrink::rule(&text);

@@ -254,11 +254,18 @@ def join(facets: FacetArrays, vertex_of: dict[int, int]) -> list[FacetEdge]:
 
 
 def segment_distance_2(p: Floats, a: Floats, b: Floats) -> Floats:
-    """Return squared distances of points, shape (..., 2), to the segment from a to b."""
+    """Return squared distances of points, shape (..., 2), to the segment from a to b, measured from the nearer end.
+
+    Along a segment 1e15 times as long as the distance, rounding would hide it.
+    """
     dx, dy = b[0] - a[0], b[1] - a[1]
-    px, py = p[..., 0] - a[0], p[..., 1] - a[1]
+    px, py, qx, qy = p[..., 0] - a[0], p[..., 1] - a[1], p[..., 0] - b[0], p[..., 1] - b[1]
+    first = px * px + py * py <= qx * qx + qy * qy
+    dx, dy = np.where(first, dx, -dx), np.where(first, dy, -dy)
+    px, py = np.where(first, px, qx), np.where(first, py, qy)
     length_2 = dx * dx + dy * dy
-    t = np.clip((px * dx + py * dy) / length_2, 0.0, 1.0) if length_2 > 0.0 else np.zeros(p.shape[:-1])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        t = np.where(length_2 > 0.0, np.clip((px * dx + py * dy) / length_2, 0.0, 1.0), 0.0)
     ex, ey = px - t * dx, py - t * dy
     result: Floats = ex * ex + ey * ey
     return result

@@ -55,7 +55,9 @@ def hierarchy_in_layers(
         parts.append((nodes, (points[nodes], np.searchsorted(nodes, cells[own]), part, given)))
     depth = options.levels
     if depth is None:
-        depth = max(len(build(*mesh, options)[0]) for _, mesh in parts)
+        # together the layers' last levels should be small enough
+        coarsest = max(options.coarsest // len(parts), 1)
+        depth = max(len(build(*mesh, replace(options, coarsest=coarsest))[0]) for _, mesh in parts)
     made = [(nodes, build(*mesh, replace(options, levels=depth))) for nodes, mesh in parts]
     g = np.zeros(len(points))
     for nodes, (_, _, own_g) in made:

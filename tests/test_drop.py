@@ -1,0 +1,103 @@
+"""`features="drop"` and `"auto"`: what a simplified domain must still be, and how its levels follow each other."""
+
+import numpy as np
+import pytest
+
+import coarsen
+from coarsen import gallery
+from domains import domains
+from oracles import assert_is_conforming, assert_is_delaunay, assert_node_nested
+
+
+def strip(width, length, interface=False, n=4000):
+    """A channel bent into a half circle; its middle line may be an interface."""
+    rows = max(2, 2 * round(np.sqrt(n * width / length) / 2)) + 1
+    columns = round(rows * length / width)
+    across, along = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
+    radius = length / np.pi + width * (across - 0.5)
+    points = np.stack([radius * np.cos(np.pi * along), radius * np.sin(np.pi * along)], axis=-1).reshape(-1, 2)
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1)
+    a, b, c, d = corner, corner + 1, corner + columns, corner + columns + 1
+    cells = np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)])
+    tags = (cells.min(axis=1) // columns >= rows // 2).astype(np.int64) if interface else None
+    return coarsen.Mesh(points, cells, cell_tags=tags)
+
+
+def graded_rectangle(width=10.0, height=3.0, seed=5):
+    """A rectangle, fine in the middle only."""
+    rng = np.random.default_rng(seed)
+    inner = np.array([width, height]) / 2 + np.array([1.0, 0.6]) * rng.standard_normal((6000, 2)) * 0.2
+    outer = rng.random((60, 2)) * [width, height]
+    sides = [np.stack([np.linspace(0, width, 26), np.full(26, y)], 1) for y in (0.0, height)]
+    ends = [np.stack([np.full(7, x), np.linspace(0, height, 9)[1:-1]], 1) for x in (0.0, width)]
+    points = np.concatenate([inner, outer, *sides, *ends])
+    points = points[((points >= 0) & (points <= [width, height])).all(axis=1)]
+    return coarsen.Mesh(points, coarsen.delaunay(points))
+
+
+def area_of(mesh):
+    return mesh.quality().area
+
+
+@pytest.mark.parametrize(("nodes", "holes"), [(4000, (4, 4)), (9000, (6, 6))])
+def test_auto_keeps_what_keep_keeps_and_then_drops(nodes, holes):
+    mesh = gallery.plate_with_holes(nodes, holes)
+    auto = coarsen.hierarchy(mesh, features="auto")
+    kept = [level for level in auto if level.dropped is None]
+    assert 2 <= len(kept) < len(auto)
+    keep = coarsen.hierarchy(mesh, features="keep", levels=len(kept) - 1)
+    for one, two in zip(kept, keep, strict=True):
+        np.testing.assert_array_equal(one.nodes, two.nodes)
+        np.testing.assert_array_equal(one.mesh.cells, two.mesh.cells)
+    assert_node_nested(auto)
+    assert auto[-1].mesh.n_cells <= 100
+
+
+@pytest.mark.parametrize("interface", [False, True])
+def test_a_thin_channel_stays_one_channel_until_few_cells_are_left(interface):
+    mesh = strip(1.0, 30.0, interface)
+    h = coarsen.hierarchy(mesh, features="drop", coarsest=80)
+    assert h[-1].mesh.n_cells <= 80
+    for level in h:
+        assert abs(area_of(level.mesh) / area_of(mesh) - 1) < 0.05
+        assert level.quality.min_angle >= 15
+
+
+def test_corners_of_a_rectangle_stay_while_it_is_wider_than_half_the_spacing():
+    mesh = graded_rectangle()
+    h = coarsen.hierarchy(mesh, features="drop")
+    corners = [[x, y] for x in (0.0, 10.0) for y in (0.0, 3.0)]
+    for level in h:
+        points = level.mesh.points.tolist()
+        assert all(corner in points for corner in corners)
+        assert area_of(level.mesh) == pytest.approx(area_of(mesh), rel=0.02)
+
+
+@pytest.mark.parametrize("features", ["drop", "auto"])
+def test_levels_of_edge_ratios_of_1e10_are_few(features):
+    # rings of nodes around a point, each by a fifth larger than the one before
+    radii = 1.2 ** np.arange(127) * 1e-10
+    angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    turned = angles + np.pi / 12 * (np.arange(127) % 2)[:, None]
+    rings = radii[:, None, None] * np.stack([np.cos(turned), np.sin(turned)], axis=-1)
+    points = np.concatenate([[[0.0, 0.0]], rings.reshape(-1, 2)])
+    h = coarsen.hierarchy(coarsen.Mesh(points, coarsen.delaunay(points)), features=features)
+    cells = np.array([level.mesh.n_cells for level in h])
+    assert (cells[1:-1] <= 0.95 * cells[:-2]).all()
+    assert cells[-1] <= 100
+    assert len(coarsen.hierarchy(h[0].mesh, features=features, levels=40)) == 41
+
+
+@pytest.mark.parametrize("features", ["drop", "auto"])
+@pytest.mark.parametrize("method", ["function", "threshold"])
+def test_levels_of_random_domains_are_meshes(features, method):
+    for mesh in domains(11, 30):
+        h = coarsen.hierarchy(mesh, features=features, method=method, coarsest=4)
+        assert_node_nested(h)
+        for level in h:
+            np.testing.assert_array_equal(level.mesh.points, mesh.points[level.nodes])
+            assert_is_conforming(level.mesh.points, np.asarray(level.mesh.cells))
+            if level.dropped is not None:
+                assert_is_delaunay(level.mesh.points, np.asarray(level.mesh.cells), level.mesh.topology.facets)
+                area = area_of(mesh) + level.dropped["area_gained"] - level.dropped["area_lost"]
+                assert area_of(level.mesh) == pytest.approx(area, rel=1e-9)
