@@ -45,3 +45,37 @@ def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
 
 def test_every_public_name_is_documented():
     assert [name for name in coarsen.__all__ if not (getattr(coarsen, name).__doc__ or "").strip()] == []
+
+
+@pytest.mark.parametrize(
+    ("missing", "call", "told"),
+    [
+        ("scipy", "h.prolongation(1)", "pip install 'coarsen-mesh[multigrid]'"),
+        ("scipy", "coarsen.multigrid.laplacian(m)", "pip install 'coarsen-mesh[multigrid]'"),
+        ("scipy", "h.interpolate(m.cell_tags, 0, 1, on='cells')", "pip install 'coarsen-mesh[multigrid]'"),
+        ("pyamg", "coarsen.multigrid.pyamg_solver(None, h)", "pip install 'coarsen-mesh[multigrid]'"),
+        ("matplotlib", "h.plot()", "pip install 'coarsen-mesh[plot]'"),
+        ("matplotlib", "coarsen.report(h, 'page.html')", "pip install 'coarsen-mesh[plot]'"),
+        ("meshio", "m.write('mesh.msh')", "pip install 'coarsen-mesh[io]'"),
+        ("meshio", "m.to_meshio()", "pip install 'coarsen-mesh[io]'"),
+        ("netCDF4", "m.write('mesh.nc')", "pip install 'coarsen-mesh[io]'"),
+        ("pyvista", "h.view()", "pip install pyvista"),
+        ("skfem", "coarsen.multigrid.to_skfem(m)", "pip install scikit-fem"),
+    ],
+)
+def test_what_a_missing_package_would_do_says_how_to_get_it(missing, call, told, tmp_path):
+    code = f"""
+import sys
+sys.modules[{missing!r}] = None
+import coarsen
+m = coarsen.gallery.interface(200)
+h = coarsen.hierarchy(m)
+try:
+    {call}
+except ImportError as error:
+    print(error)
+"""
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path).stdout
+    assert told in out
+    assert out.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

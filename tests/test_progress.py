@@ -50,3 +50,13 @@ def test_stages_that_come_back_are_one_row_and_all_end_finished(monkeypatch):
     lines = drawn(monkeypatch, ("domain", 0, 1), *levels)
     assert [line.split()[1] for line in lines] == ["domain", "selection", "guard"]
     assert all(line.startswith("✓") and "100%" in line for line in lines)
+
+
+def test_without_rich_the_bars_are_plain_and_end_full(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rich.progress", None)
+    with progress_bar() as step:
+        for call in (("domain", 0, 1), ("spacing", 3, 9), ("guard", 0, 1)):
+            step(*call)
+    lines = [line.rpartition("\r")[2] for line in capsys.readouterr().err.split("\n")[:-1]]
+    assert [line.split()[0] for line in lines] == ["domain", "spacing", "guard"]
+    assert all("." not in line for line in lines)

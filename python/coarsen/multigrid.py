@@ -145,7 +145,10 @@ def petsc_pcmg(
     ValueError
         If the matrix has another size than the free unknowns.
     """
-    from petsc4py import PETSc
+    try:
+        from petsc4py import PETSc
+    except ImportError:
+        raise ImportError("the preconditioner is PETSc's: pip install petsc4py, or conda install petsc4py") from None
     from scipy.sparse import csr_matrix
 
     operator, _ = ksp.getOperators()
@@ -209,8 +212,7 @@ def laplacian(mesh: Mesh, coefficient: Any = None) -> csr_matrix:
     -------
     (n, n) csr_matrix
     """
-    from scipy.sparse import coo_matrix
-
+    coo_matrix = transfer.sparse().coo_matrix
     p = mesh.points[mesh.cells]
     # gradient of the k-th hat function: its opposite edge, turned, over twice the area
     edges = np.roll(p, -2, axis=1) - np.roll(p, -1, axis=1)
@@ -250,8 +252,10 @@ def from_skfem(mesh: Any) -> Mesh:
 
 def to_skfem(mesh: Mesh) -> Any:
     """Return scikit-fem's `MeshTri` of a mesh; boundaries and subdomains have the names of their tags, or the tags."""
-    from skfem import MeshTri
-
+    try:
+        from skfem import MeshTri
+    except ImportError:
+        raise ImportError("that needs scikit-fem: pip install scikit-fem") from None
     facet_names, cell_names = mesh.facet_names or {}, mesh.cell_names or {}
     made = MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.cells.T.astype(np.int64)))
     if mesh.facets is not None and mesh.facet_tags is not None:

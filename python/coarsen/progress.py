@@ -57,16 +57,24 @@ def progress_bar() -> Iterator[Step]:
 
 
 def _plain() -> Iterator[Step]:
-    last = [""]
+    running = [("", 1)]
 
-    def step(stage: str, done: int, total: int) -> None:
-        if last[0] and last[0] != stage:
-            sys.stderr.write("\n")
-        last[0] = stage
+    def draw(stage: str, done: int, total: int) -> None:
         full = _WIDTH * done // max(total, 1)
-        sys.stderr.write(f"\r{stage:<24} [{'#' * full}{'.' * (_WIDTH - full)}] {done}/{total}")
+        sys.stderr.write(f"\r{stage:<14} [{'#' * full}{'.' * (_WIDTH - full)}] {done}/{total}")
         sys.stderr.flush()
 
+    def finish() -> None:
+        stage, total = running[0]
+        if stage:
+            draw(stage, total, total)
+            sys.stderr.write("\n")
+
+    def step(stage: str, done: int, total: int) -> None:
+        if stage != running[0][0]:
+            finish()
+        running[0] = (stage, total)
+        draw(stage, done, total)
+
     yield step
-    if last[0]:
-        sys.stderr.write("\n")
+    finish()

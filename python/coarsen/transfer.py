@@ -7,6 +7,7 @@ never reaches across a slit, a thin wall or into another part.
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -241,12 +242,23 @@ def _locate_on_line(mesh: Mesh, coarse: Mesh, shared: NDArray[np.int64]) -> Loca
     return Located(matrix, outside, distance[outside], np.empty(0, np.int64))
 
 
-def _csr(rows: tuple[Any, Any, Any], columns: int) -> csr_matrix:
-    """Wrap sorted rows, without a copy."""
+def sparse() -> Any:
+    """Return ``scipy.sparse``, or say how to get it.
+
+    Raises
+    ------
+    ImportError
+        If SciPy is not installed.
+    """
     try:
-        from scipy.sparse import csr_matrix
+        return importlib.import_module("scipy.sparse")
     except ImportError:
         raise ImportError("operators are SciPy matrices: pip install 'coarsen-mesh[multigrid]'") from None
+
+
+def _csr(rows: tuple[Any, Any, Any], columns: int) -> csr_matrix:
+    """Wrap sorted rows, without a copy."""
+    csr_matrix = sparse().csr_matrix
 
     indptr, indices, values = rows
     matrix = csr_matrix((values, indices, indptr), shape=(len(indptr) - 1, columns), copy=False)
@@ -348,8 +360,7 @@ def cell_transfer(hierarchy: Hierarchy, from_level: int, to_level: int) -> csr_m
     -------
     (m_to, m_from) csr_matrix
     """
-    from scipy.sparse import diags
-
+    diags = sparse().diags
     fine, coarse = sorted((from_level, to_level))
     mesh, other = hierarchy[fine].mesh, hierarchy[coarse].mesh
     if mesh.dim == 1:
