@@ -12,7 +12,7 @@ the area √3/4 e², so a mesh whose elements are nowhere larger than E has at l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .multilevel import Hierarchy, Level
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LevelCheck:
     """What Definition 2.4 says of one level.
 
@@ -56,8 +56,21 @@ class LevelCheck:
     nested: bool
     size_ratio: float
 
+    def __repr__(self) -> str:
+        similarity = "" if np.isnan(self.similarity) else f", similarity {self.similarity:.2f}"
+        return f"LevelCheck(level {self.level}, angles {self.min_angle:.2f} to {self.max_angle:.2f}{similarity})"
 
-@dataclass(frozen=True)
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, LevelCheck):
+            return NotImplemented
+        # what is not known equals itself
+        pairs = zip(astuple(self), astuple(other), strict=True)
+        return all(mine == theirs or (mine != mine and theirs != theirs) for mine, theirs in pairs)  # noqa: PLR0124
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, repr=False)
 class Conditioning:
     """A hierarchy measured by Definition 2.4; true where the bounds asked for hold on every coarser level.
 
@@ -73,6 +86,10 @@ class Conditioning:
 
     def __bool__(self) -> bool:
         return not self.failed
+
+    def __repr__(self) -> str:
+        holds = f", {len(self.failed)} bounds not held" if self.failed else ""
+        return f"Conditioning({self.depth} levels, θ = {self.theta:.2f}, I = {self.similarity:.2f}{holds})"
 
     @property
     def depth(self) -> int:

@@ -44,7 +44,7 @@ MOST_GAUGED = 256
 Operators = Callable[[int, "Mesh"], Any]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Stage:
     """A level of a multigrid method.
 
@@ -65,6 +65,10 @@ class Stage:
     P: csr_matrix | None = None
     R: csr_matrix | None = None
     gauge: NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        below = "the coarsest" if self.P is None else f"{self.P.shape[1]} on the next"
+        return f"Stage(level {self.level}, {self.A.shape[0]} unknowns, {below})"
 
 
 def stages(

@@ -6,11 +6,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from coarsen.check import Conditioning
+
+log = logging.getLogger("coarsen")
 
 STOPPED = {
     "levels": "the {depth} levels asked for are there",
@@ -284,6 +288,7 @@ def hierarchy(
     """
     checked = Options.from_kwargs(factor=factor, levels=levels, coarsest=coarsest, nested=nested, **options)
     core = backend(checked.backend)
+    began = perf_counter()
     given = given_spacing(mesh, checked)
     cells = mesh.cells.astype(np.int64, copy=False)
     with watched(progress) as report:
@@ -301,7 +306,9 @@ def hierarchy(
     text = STOPPED[stopped].format(depth=len(made), coarsest=checked.coarsest)
     if stopped == "stalled" and checked.features == "keep" and mesh.dim > 1 and checked.method != "mis":
         text += _GO_ON
-    return Hierarchy([whole, *coarser], text, checked)
+    made_of = Hierarchy([whole, *coarser], text, checked)
+    log.info("%r of %r with %r in %.2f s; ended: %s", made_of, mesh, checked, perf_counter() - began, text)
+    return made_of
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ def _option(default: Any, text: str) -> Any:
     return field(default=default, metadata={"help": text})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Options:
     """How a hierarchy is built.
 
@@ -132,6 +132,15 @@ class Options:
                 hint = f"did you mean {near[0]!r}?" if near else f"the options are {', '.join(known)}"
                 raise ValueError(f"unknown option {name!r}: {hint}")
         return cls(**options)
+
+    def __repr__(self) -> str:
+        said = []
+        for option in fields(self):
+            value = getattr(self, option.name)
+            if not _same(value, option.default):
+                text = f"array of {len(value)}" if isinstance(value, np.ndarray) else repr(value)
+                said.append(f"{option.name}={text}")
+        return f"Options({', '.join(said)})"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Options):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Topology:
     """What the check of a mesh finds out about it.
 
@@ -41,6 +41,10 @@ class Topology:
     facet_given: NDArray[np.int64]
     n_boundary: int
     layer: NDArray[np.int64] | None = None
+
+    def __repr__(self) -> str:
+        layers = "" if self.layer is None else f", {int(self.layer.max()) + 1} layers"
+        return f"Topology({len(self.facets)} facets, {self.n_boundary} of them of the boundary{layers})"
 
 
 def refuse_two_tags(facets: NDArray[Any], tags: NDArray[Any], topology: Topology) -> None:

@@ -427,12 +427,18 @@ class Graph(NamedTuple):
     edge_index: NDArray[np.int64]
     relative: NDArray[np.float64]
 
+    def __repr__(self) -> str:
+        return f"Graph({self.edge_index.shape[1]} edges, both directions)"
+
 
 class Assignment(NamedTuple):
     """Fine nodes and their coarse nodes: ``edge_index`` (2, E) of fine and coarse node, ``weights`` (E,)."""
 
     edge_index: NDArray[np.int64]
     weights: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        return f"Assignment({len(np.unique(self.edge_index[0]))} fine nodes, {len(self.weights)} weights)"
 
 
 def graph(hierarchy: Hierarchy, i: int) -> Graph:
@@ -504,7 +510,7 @@ class LevelTransfer:
     without_image: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TransferReport:
     """What `Hierarchy.transfer_report` found, one row a coarser level; prints as a table."""
 
@@ -519,6 +525,9 @@ class TransferReport:
     def without_image(self) -> int:
         """Number of coarse nodes without a finer node that takes a value from them, over all levels."""
         return sum(row.without_image for row in self.rows)
+
+    def __repr__(self) -> str:
+        return f"TransferReport({len(self.rows)} coarser levels, {self.outside} nodes outside of the next)"
 
     def __str__(self) -> str:
         head = "level   nodes  1 weight 2 weights 3 weights  outside   farthest (spacings)   lost  without image"

@@ -34,6 +34,9 @@ class Solver:
         coarsened: list[Any] = [(stage.A, stage.P, stage.R) for stage in made[:-1]]
         self._cycle = backend("rust").Cycle(coarsened, made[-1].A)
 
+    def __repr__(self) -> str:
+        return f"Solver(unknowns {' > '.join(str(stage.A.shape[0]) for stage in self.stages)})"
+
     def operator_complexity(self) -> float:
         """Return the entries of all matrices over those of the finest one."""
         return float(sum(stage.A.nnz for stage in self.stages) / self.stages[0].A.nnz)

@@ -32,7 +32,7 @@ _HIGHER_ORDER = {
 _PLANE = {"triangle": 3, "quad": 4}
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Draft:
     """Points, blocks of cells by kind, facets, tags, nodal fields, as a file has them, 0-based.
 
@@ -53,6 +53,11 @@ class Draft:
     point_data: dict[str, NDArray[Any]] = field(default_factory=dict)
     facet_names: dict[int, str] = field(default_factory=dict)
     cell_names: dict[int, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        facets = "" if self.facets is None else f", {len(self.facets)} facets"
+        cells = "".join(f", {len(cells)} {kind}" for kind, cells, _ in self.blocks)
+        return f"Draft({len(self.points)} points{cells}{facets})"
 
     def mesh(self, *, split_quads: bool = False, repair: bool = False) -> tuple[Mesh, str]:
         """Return the mesh and, as text, what a repair did (empty without one).

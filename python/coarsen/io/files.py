@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from ..mesh import Mesh
 from . import adcirc, bridge, npz, selafin, su2, triangle, ugrid, vtu
 from .aside import aside
 from .draft import Draft, drafted
+
+log = logging.getLogger("coarsen")
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,9 @@ def read(path: str | os.PathLike[str], *, split_quads: bool = False, repair: boo
 
 def read_and_tell(path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False) -> tuple[Mesh, str]:
     """Do as :func:`read` does, and tell what a repair did."""
-    return _judged(read_draft(path), path, split_quads=split_quads, repair=repair)
+    mesh, told = _judged(read_draft(path), path, split_quads=split_quads, repair=repair)
+    log.info("read %s: %r", path, mesh)
+    return mesh, told
 
 
 def _judged(draft: Draft, path: str | os.PathLike[str], *, split_quads: bool, repair: bool) -> tuple[Mesh, str]:
@@ -215,3 +220,4 @@ def write_draft(draft: Draft, path: str | os.PathLike[str]) -> None:
         raise IsADirectoryError(f"'{path}' is a folder, expected a file name")
     with aside(path) as place:
         family.write(draft, place)
+    log.info("wrote %s: %r", path, draft)
