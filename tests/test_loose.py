@@ -177,3 +177,33 @@ def test_stages_on_dropped_levels_are_galerkins(coast):
         energies = np.einsum("ik,ij,jk->k", x, exact, x), np.einsum("ik,ij,jk->k", x, coarse.A.toarray(), x)
         assert (energies[1] >= energies[0] * (1 - 1e-10)).all()
         assert (energies[1] <= energies[0] * 1.3).all()
+
+
+@pytest.mark.parametrize("jump", [1e-6, 1e3, 1e6])
+def test_jumps_of_the_coefficients_cost_no_iterations(jump):
+    mesh = coarsen.gallery.interface(10_000)
+    A = multigrid.laplacian(mesh, np.where(mesh.cell_tags == 2, jump, 1.0))
+    solver = multigrid.solver(A, coarsen.hierarchy(mesh, features="auto"), dirichlet="boundary")
+    norms = []
+    solver.solve(np.ones(solver.stages[0].A.shape[0]), residuals=norms)
+    assert len(norms) - 1 <= 10
+
+
+def test_interpolation_stays_within_materials():
+    mesh = coarsen.gallery.interface(3000)
+    h = coarsen.hierarchy(mesh)
+    tags = [[set() for _ in range(level.mesh.n_points)] for level in h[:2]]
+    for level, known in zip(h, tags, strict=False):
+        for cell, tag in zip(level.mesh.cells, level.mesh.cell_tags, strict=True):
+            for node in cell:
+                known[node].add(int(tag))
+    before = h.prolongation(1)
+    after = loose.within_materials(h[0].mesh, h[1].mesh, before)
+    assert after.nnz < before.nnz
+    np.testing.assert_allclose(after.sum(axis=1), 1.0, atol=1e-14)
+    for i in range(mesh.n_points):
+        given, kept = (m.indices[m.indptr[i] : m.indptr[i + 1]] for m in (before, after))
+        expected = [j for j in given if tags[0][i] <= tags[1][j]] or given
+        assert list(kept) == list(expected)
+    # the hierarchy's own operator is as it was
+    assert h.prolongation(1).nnz == before.nnz

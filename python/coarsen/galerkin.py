@@ -1,10 +1,11 @@
 """Operators and prolongations of a multigrid method on the levels of a hierarchy.
 
-On top of the hierarchy's own prolongations, three things that solvers need:
+On top of the hierarchy's own prolongations, some things that solvers need:
 
 - Coarse operators are Galerkin's, P^T A P, without their weak entries (`WEAK`).
 - Where a level has dropped parts of the domain, unknowns that its mesh does not serve are interpolated by the entries
   of the matrix instead, some of them becoming coarse unknowns themselves; see `coarsen.loose`.
+- Where materials meet, interpolation stays within them.
 - Where nothing but one unknown is held, and the matrix has the constants in its null space (all boundaries natural),
   the one held unknown is only a choice of the constant. The coarse levels then work on the whole, singular problem,
   and the constant is chosen on the finest level: holding a single node on every level would slow all of them down, by
@@ -100,7 +101,7 @@ def stages(
             break
         rows, columns = columns, held.reshape(-1, block_size)[hierarchy[j].nodes].ravel()
         found = transfer.locate(hierarchy, i, j)
-        whole_p = blocks(found.matrix, block_size)
+        whole_p = blocks(loose.within_materials(hierarchy[i].mesh, hierarchy[j].mesh, found.matrix), block_size)
         # a level that is not nested may have nodes that no free finer one takes a value from: they are no unknowns
         columns &= np.bincount(whole_p[rows].indices, minlength=len(columns)) > 0
         prolongation = transfer.reduced(whole_p, rows, columns)

@@ -9,6 +9,10 @@ Where a level has dropped parts of the domain, piecewise-linear interpolation fr
 
 These are loose: they are interpolated by the entries of the matrix (``rust/transfer/loose.rs``), some of them becoming
 coarse unknowns themselves. The other nodes near by take values only from coarse nodes that they hang together with.
+
+Where materials meet, coarse chords cut through both of them: a node of the one may lie in a coarse cell of the other.
+It takes values from nodes of its own material only, and a node of the interface from the interface only. If the
+coefficients of a matrix jump there, anything else costs iterations, the more the higher the jump.
 """
 
 from __future__ import annotations
@@ -48,6 +52,34 @@ def in_cut_cells(mesh: Mesh, prolongation: csr_matrix, coarse: Mesh) -> NDArray[
     cut = np.zeros(mesh.n_points, dtype=bool)
     cut[inside] = np.isin(cell, cell[on_boundary[inside]])
     return cut
+
+
+def within_materials(mesh: Mesh, coarse: Mesh, prolongation: csr_matrix) -> csr_matrix:
+    """Leave out weights of coarse nodes that are not nodes of all cell tags which the finer node is a node of.
+
+    Rows sum to 1 as before; a row of which nothing would be left stays.
+    """
+    if mesh.cell_tags is None or coarse.cell_tags is None or (mesh.cell_tags == mesh.cell_tags[0]).all():
+        return prolongation
+    tags = np.unique(mesh.cell_tags)
+    # more tags than bits share some: less is left out then
+    own, other = (_tag_bits(m, tags) for m in (mesh, coarse))
+    row = np.repeat(np.arange(mesh.n_points), np.diff(prolongation.indptr))
+    data = np.where(own[row] & ~other[prolongation.indices], 0.0, prolongation.data)
+    sums = np.bincount(row, data, minlength=mesh.n_points)
+    kept = prolongation.copy()
+    kept.data = np.where(sums[row] > 0, data / np.where(sums > 0, sums, 1.0)[row], prolongation.data)
+    kept.eliminate_zeros()
+    return kept
+
+
+def _tag_bits(mesh: Mesh, tags: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return, for each node, a bit for each tag of its cells."""
+    bits = np.zeros(mesh.n_points, dtype=np.int64)
+    at = np.searchsorted(tags, mesh.cell_tags) % 62
+    for bit in np.unique(at):
+        bits[mesh.cells[at == bit]] |= np.int64(1) << bit
+    return bits
 
 
 def extended(
