@@ -3,7 +3,8 @@
 //! `halfedges` is the adjacency of the mesh that is walked in, `walk` goes from a located point to a neighbour along a
 //! straight line, `prolongation` locates all nodes of a finer mesh that way and writes their barycentric weights as
 //! compressed rows, `overlap` does the same for cells and areas. `galerkin` multiplies the rows,
-//! `filter` leaves weak entries out, `loose` interpolates by couplings, `cycle` solves with them, down to the dense factor of `cholesky`.
+//! `filter` leaves weak entries out, `loose` interpolates by couplings,
+//! `slow` tells where a cycle needs more sweeps, `cycle` solves with them, down to the dense factor of `cholesky`.
 
 pub mod cholesky;
 pub mod cycle;
@@ -14,4 +15,5 @@ pub mod loose;
 pub mod overlap;
 pub mod prolongation;
 pub mod rows;
+pub mod slow;
 pub mod walk;

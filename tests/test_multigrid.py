@@ -169,7 +169,7 @@ def test_few_cycles_solve_poisson_however_the_boundary_is_held(name, kind):
     h = coarsen.hierarchy(mesh, features="auto")
     solver = multigrid.pyamg_solver(multigrid.laplacian(mesh), h, held(mesh, kind))
     b = np.random.default_rng(SEED).normal(size=solver.levels[0].A.shape[0])
-    assert cycles(solver, b, accel="cg") <= 9
+    assert cycles(solver, b, accel="cg") <= 8
     assert cycles(solver, b) <= 15
     assert solver.operator_complexity() <= 1.7
 
@@ -240,10 +240,12 @@ def test_levels_that_are_not_nested_solve_too():
 # --- other libraries -------------------------------------------------------------------------------------------------
 
 
-def test_petsc_solves_with_the_hierarchy(square):
+@pytest.mark.parametrize("kind", ["whole", "part", "one"])
+def test_petsc_solves_with_the_hierarchy(square, kind):
+    """With Debian's python3-petsc4py, for one: its folder on the PYTHONPATH, and a NumPy that it was built for."""
     PETSc = pytest.importorskip("petsc4py.PETSc")
     mesh, h, A = square
-    free = held(mesh, "whole")
+    free = held(mesh, kind)
     reduced = transfer.reduced(A, free, free)
     matrix = PETSc.Mat().createAIJ(size=reduced.shape, csr=(reduced.indptr, reduced.indices, reduced.data))
     ksp = PETSc.KSP().create()
@@ -256,7 +258,7 @@ def test_petsc_solves_with_the_hierarchy(square):
     b.setArray(np.random.default_rng(SEED).normal(size=reduced.shape[0]))
     ksp.solve(b, x)
     assert ksp.getConvergedReason() > 0
-    assert ksp.getIterationNumber() <= 15
+    assert ksp.getIterationNumber() <= 9
     assert np.linalg.norm(reduced @ x.getArray() - b.getArray()) < 1e-5 * np.linalg.norm(b.getArray())
 
 

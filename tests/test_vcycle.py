@@ -166,7 +166,7 @@ def test_matrices_of_levels_that_do_not_fit_are_refused():
     core = coarsen.backend.backend("rust")
     mesh = small()
     made = galerkin.stages(multigrid.laplacian(mesh), coarsen.hierarchy(mesh), dirichlet="boundary")
-    stages = [(stage.A, stage.P, stage.R) for stage in made[:-1]]
+    stages = [(stage.A, stage.P, stage.R, stage.slow) for stage in made[:-1]]
     with pytest.raises(ValueError, match="two levels do not fit"):
         core.Cycle([stages[0], stages[0]], made[-1].A)
     with pytest.raises(ValueError, match="coarsest matrix does not fit"):
@@ -175,3 +175,25 @@ def test_matrices_of_levels_that_do_not_fit_are_refused():
     n = stages[0][0].shape[0]
     with pytest.raises(ValueError, match="'r' has shape"):
         cycle.precondition(np.zeros(n - 1), None)
+
+
+def test_slow_are_those_that_relaxation_between_coarse_unknowns_leaves_behind():
+    mesh = coarsen.gallery.lshape(800)
+    A = multigrid.laplacian(mesh)
+    stage = galerkin.stages(A, coarsen.hierarchy(mesh, features="auto"), dirichlet="boundary")[0]
+    fine = np.flatnonzero(np.asarray((stage.P == 1.0).sum(axis=1)).ravel() == 0)
+    dense = stage.A.toarray()
+    e = np.isin(np.arange(len(dense)), fine).astype(float)
+    for order in (fine, fine[::-1]) * 2:
+        for i in order:
+            e[i] -= dense[i] @ e / dense[i, i]
+    assert (np.flatnonzero(e > galerkin.SLOW) == stage.slow).all()
+    assert 0 < len(stage.slow) < len(e) / 2
+
+
+def test_slow_unknowns_that_are_not_there_are_refused():
+    core = coarsen.backend.backend("rust")
+    made = galerkin.stages(multigrid.laplacian(small()), coarsen.hierarchy(small()), dirichlet="boundary")
+    stages = [(stage.A, stage.P, stage.R, np.array([-1])) for stage in made[:-1]]
+    with pytest.raises(ValueError, match="'slow' names an unknown that is not there"):
+        core.Cycle(stages, made[-1].A)

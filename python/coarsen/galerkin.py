@@ -39,6 +39,9 @@ SHRINK = 0.7
 DEEP = 0.25
 """Nodes further than this many fine spacings outside of the coarse mesh are loose."""
 
+SLOW = 0.3
+"""Where relaxation between the coarse unknowns leaves more than this of an error of 1, a cycle needs more of it."""
+
 MOST_GAUGED = 256
 """A node with more neighbours than this is no node of a mesh."""
 
@@ -57,6 +60,8 @@ class Stage:
         The operator on its unknowns.
     P, R : csr_matrix or None
         Prolongation from the next coarser stage and its transpose; None on the coarsest one.
+    slow : (s,) int64 array or None
+        Unknowns that are too far from coarse ones for one sweep: they are worth a second one.
     gauge : (k,) float64 array or None
         On the finest stage, if its single held unknown only chooses the constant: the row sums of A.
     """
@@ -65,6 +70,7 @@ class Stage:
     A: csr_matrix
     P: csr_matrix | None = None
     R: csr_matrix | None = None
+    slow: NDArray[np.int64] | None = None
     gauge: NDArray[np.float64] | None = None
 
     def __repr__(self) -> str:
@@ -92,7 +98,7 @@ def stages(
     whole = whole_matrix(finest, mask) if block_size == 1 else None
     matrix = finest if whole is None else whole
     held = mask if whole is None else np.ones_like(mask)
-    made: list[tuple[int, Any, Any, Any]] = []
+    made: list[tuple[Any, ...]] = []
     columns, component = held, np.tile(np.arange(block_size), len(held) // block_size)[held]
     i = 0
     while matrix.shape[0] > max_coarse:
@@ -122,17 +128,19 @@ def stages(
             component = component_coarse
             restriction = prolongation.T.tocsr()
             coarse = transfer.reduced(as_csr(operators(j, hierarchy[j].mesh)), columns, columns)
-        made.append((i, matrix, prolongation, restriction))
+        made.append((i, matrix, prolongation, restriction, backend("rust").slow(matrix, prolongation, SLOW)))
         matrix, i = coarse, j
-    made.append((i, matrix, None, None))
+    made.append((i, matrix, None, None, None))
     gauge = None
     if whole is not None and len(made) == 1:
-        made = [(0, finest, None, None)]
+        made = [(0, finest, None, None, None)]
     elif whole is not None:
         made = _grounded(made)
         gauge = np.asarray(finest.sum(axis=1)).ravel()
         made = made if singular else _gauged(made, finest, mask)
-    return [Stage(*stage, gauge if k == 0 else None) for k, stage in enumerate(made)]
+    gauges = [gauge] + [None] * (len(made) - 1)
+    whole_stages = ((*stage, own) for stage, own in zip(made, gauges, strict=True))
+    return [Stage(*stage) for stage in whole_stages]
 
 
 def _next_level(hierarchy: Hierarchy, i: int, unknowns: int, held: NDArray[np.bool_], block_size: int) -> int | None:
@@ -199,27 +207,28 @@ def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | No
     return as_csr(coo_matrix((values, (row, column)), shape=(len(mask), len(mask))))
 
 
-def _grounded(made: list[tuple[int, Any, Any, Any]]) -> list[tuple[int, Any, Any, Any]]:
+def _grounded(made: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
     """Leave out an unknown of the coarsest stage: up to constants, which no stage feels, nothing is lost."""
-    level, matrix, prolongation, restriction = made[-2]
+    level, matrix, prolongation, restriction, slow = made[-2]
     keep = np.arange(prolongation.shape[1]) > 0
     prolongation = transfer.reduced(prolongation, np.ones(prolongation.shape[0], dtype=bool), keep)
-    last = (made[-1][0], transfer.reduced(made[-1][1], keep, keep), None, None)
-    return [*made[:-2], (level, matrix, prolongation, restriction[1:]), last]
+    last = (made[-1][0], transfer.reduced(made[-1][1], keep, keep), None, None, None)
+    return [*made[:-2], (level, matrix, prolongation, restriction[1:], slow), last]
 
 
-def _gauged(
-    made: list[tuple[int, Any, Any, Any]], finest: csr_matrix, mask: NDArray[np.bool_]
-) -> list[tuple[int, Any, Any, Any]]:
+def _gauged(made: list[tuple[Any, ...]], finest: csr_matrix, mask: NDArray[np.bool_]) -> list[tuple[Any, ...]]:
     """Choose the constant: what comes from the coarse stages is 0 at the held unknown."""
     from scipy.sparse import csr_matrix, vstack
 
-    level, _, prolongation, _ = made[0]
+    level, _, prolongation, _, slow = made[0]
     row = prolongation[int(np.argmin(mask))]
     ones = csr_matrix(np.ones((finest.shape[0], 1)))
     prolongation = as_csr(prolongation[mask] - ones @ row)
     prolongation.sort_indices()
-    return [(level, finest, prolongation, vstack([prolongation.T], format="csr")), *made[1:]]
+    held = int(np.argmin(mask))
+    slow = slow[slow != held]
+    slow = slow - (slow > held)
+    return [(level, finest, prolongation, vstack([prolongation.T], format="csr"), slow), *made[1:]]
 
 
 def as_csr(A: Any) -> csr_matrix:

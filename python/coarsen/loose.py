@@ -63,7 +63,10 @@ def within_materials(mesh: Mesh, coarse: Mesh, prolongation: csr_matrix) -> csr_
         return prolongation
     tags = np.unique(mesh.cell_tags)
     # more tags than bits share some: less is left out then
-    own, other = (_tag_bits(m, tags) for m in (mesh, coarse))
+    own, other = (
+        _tag_bits(m, np.searchsorted(tags, cell_tags) % 62)
+        for m, cell_tags in ((mesh, mesh.cell_tags), (coarse, coarse.cell_tags))
+    )
     row = np.repeat(np.arange(mesh.n_points), np.diff(prolongation.indptr))
     data = np.where(own[row] & ~other[prolongation.indices], 0.0, prolongation.data)
     sums = np.bincount(row, data, minlength=mesh.n_points)
@@ -73,12 +76,11 @@ def within_materials(mesh: Mesh, coarse: Mesh, prolongation: csr_matrix) -> csr_
     return kept
 
 
-def _tag_bits(mesh: Mesh, tags: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return, for each node, a bit for each tag of its cells."""
+def _tag_bits(mesh: Mesh, bit_of_cell: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return, for each node, the bits of its cells."""
     bits = np.zeros(mesh.n_points, dtype=np.int64)
-    at = np.searchsorted(tags, mesh.cell_tags) % 62
-    for bit in np.unique(at):
-        bits[mesh.cells[at == bit]] |= np.int64(1) << bit
+    for bit in np.unique(bit_of_cell):
+        bits[mesh.cells[bit_of_cell == bit]] |= np.int64(1) << bit
     return bits
 
 

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coarsen import transfer
-from coarsen.galerkin import Operators, stages
+from coarsen.galerkin import Operators, Stage, stages
 from coarsen.mesh import Mesh
 from coarsen.vcycle import Solver, solver
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from pyamg.multilevel import MultilevelSolver
     from scipy.sparse import csr_matrix
 
@@ -64,7 +63,8 @@ def pyamg_solver(
         ``operators(i, mesh)`` assembles the matrix of level i for all its unknowns; by default coarse matrices are
         Galerkin's, see `coarsen.galerkin`.
     presmoother, postsmoother
-        As for ``pyamg.smoothed_aggregation_solver``.
+        As for ``pyamg.smoothed_aggregation_solver``; the default is a symmetric Gauss-Seidel sweep, with one more of
+        the unknowns that are slow (see `coarsen.galerkin.Stage`).
     coarse_solver
         As for PyAMG; by default ``"splu"``, or ``"pinv"`` where nothing is held and the matrix may be singular.
     max_coarse : int
@@ -109,8 +109,9 @@ def pyamg_solver(
         coarse_solver = "splu" if held or levels[-1].A.shape[0] > DENSE else "pinv"
     cycles = MultilevelSolver(levels, coarse_solver=coarse_solver)
     change_smoothers(cycles, presmoother, postsmoother)
-    if made[0].gauge is not None and presmoother == postsmoother == SMOOTHER and len(levels) > 1:
-        levels[0].presmoother = levels[0].postsmoother = _with_held_node(made[0].gauge)
+    if presmoother == postsmoother == SMOOTHER:
+        for level, stage in zip(levels[:-1], made, strict=False):
+            level.presmoother, level.postsmoother = _smoothers(stage)
     return cycles
 
 
@@ -177,22 +178,36 @@ def petsc_pcmg(
     return pc
 
 
-def _with_held_node(gauge: NDArray[np.float64]) -> Callable[[Any, Any, Any], None]:
-    """Return a symmetric Gauss-Seidel sweep that relaxes the held unknown, too.
+def _smoothers(stage: Stage) -> tuple[Callable[[Any, Any, Any], None], Callable[[Any, Any, Any], None]]:
+    """Return a symmetric Gauss-Seidel sweep, with one more of the slow unknowns after it, and the reverse.
 
-    With its value moved, all others move back by as much: a step along the constant.
+    Where the held unknown only chooses the constant it is relaxed, too: with its value moved, all others move back by
+    as much, a step along the constant.
     """
-    from pyamg.relaxation.relaxation import gauss_seidel
+    from pyamg.relaxation.relaxation import gauss_seidel, gauss_seidel_indexed
 
-    near = np.flatnonzero(np.abs(gauge) > 0)
-    sums, whole = gauge[near], gauge.sum()
+    gauge, slow = stage.gauge, np.asarray(stage.slow, dtype=np.int32)
+    near = np.empty(0, np.int64) if gauge is None else np.flatnonzero(np.abs(gauge) > 0)
 
-    def smooth(A: Any, x: Any, b: Any) -> None:
+    def sweep(A: Any, x: Any, b: Any) -> None:
         gauss_seidel(A, x, b, iterations=1, sweep="forward")
-        x += (b.sum() - sums @ x[near]) / whole
+        if gauge is not None:
+            x += (b.sum() - gauge[near] @ x[near]) / gauge[near].sum()
         gauss_seidel(A, x, b, iterations=1, sweep="backward")
 
-    return smooth
+    def sweep_slow(A: Any, x: Any, b: Any) -> None:
+        if len(slow):
+            gauss_seidel_indexed(A, x, b, slow, iterations=1, sweep="symmetric")
+
+    def before(A: Any, x: Any, b: Any) -> None:
+        sweep(A, x, b)
+        sweep_slow(A, x, b)
+
+    def after(A: Any, x: Any, b: Any) -> None:
+        sweep_slow(A, x, b)
+        sweep(A, x, b)
+
+    return before, after
 
 
 # --- a first matrix, and meshes of scikit-fem ------------------------------------------------------------------------

@@ -23,15 +23,16 @@ MOST_DENSE = 3000
 class Solver:
     """The package's own V-cycle for symmetric positive definite matrices; made by `solver`.
 
-    One symmetric Gauss-Seidel sweep before and after, in single precision and on all cores, as preconditioner of
-    conjugate gradients in double precision. Several times as fast as the same cycle in PyAMG.
+    One symmetric Gauss-Seidel sweep before and after, and one more of the slow unknowns (see `coarsen.galerkin.Stage`),
+    in single precision and on all cores, as preconditioner of conjugate gradients in double precision. Several times as
+    fast as the same cycle in PyAMG.
     """
 
     def __init__(self, made: list[Stage], held: int | None, threads: int | None) -> None:
         self.stages = made
         self._held = held
         self._threads = threads
-        coarsened: list[Any] = [(stage.A, stage.P, stage.R) for stage in made[:-1]]
+        coarsened: list[Any] = [(stage.A, stage.P, stage.R, stage.slow) for stage in made[:-1]]
         self._cycle = backend("rust").Cycle(coarsened, made[-1].A)
 
     def __repr__(self) -> str:

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::halfedges::HalfEdges;
 use crate::transfer::rows::{Rows, RowsRef};
-use crate::transfer::{cycle, filter, galerkin, loose, overlap, prolongation};
+use crate::transfer::{cycle, filter, galerkin, loose, overlap, prolongation, slow};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 
@@ -122,6 +122,16 @@ fn py_extended<'py>(
     Ok((matrix(py, made), own.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py)))
 }
 
+/// Unknowns of whose errors a cycle with the prolongation `p` leaves more than `left` where it relaxes alone.
+#[pyfunction(name = "slow")]
+fn py_slow<'py>(py: Python<'py>, a: PyRows<'py>, p: PyRows<'py>, left: f64) -> PyResult<Indices<'py>> {
+    let (a, p) = (a.view("A")?, p.view("P")?);
+    let made = py.detach(|| slow::slow(a, p, left))?;
+    Ok(made.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py))
+}
+
+type PyStage<'py> = (PyRows<'py>, PyRows<'py>, PyRows<'py>, PyReadonlyArray1<'py, i64>);
+
 /// A V-cycle on matrices that `coarsen.galerkin` made.
 #[pyclass(frozen, module = "coarsen._core")]
 struct Cycle {
@@ -130,12 +140,12 @@ struct Cycle {
 
 #[pymethods]
 impl Cycle {
-    /// `stages` are (A, P, R), finest first; `coarsest` is the last A.
+    /// `stages` are (A, P, R, slow unknowns), finest first; `coarsest` is the last A.
     #[new]
-    fn new(py: Python<'_>, stages: Vec<(PyRows<'_>, PyRows<'_>, PyRows<'_>)>, coarsest: PyRows<'_>) -> PyResult<Self> {
+    fn new(py: Python<'_>, stages: Vec<PyStage<'_>>, coarsest: PyRows<'_>) -> PyResult<Self> {
         let mut made = Vec::new();
-        for (a, p, r) in &stages {
-            made.push((a.view("A")?, p.view("P")?, r.view("R")?));
+        for (a, p, r, slow) in &stages {
+            made.push((a.view("A")?, p.view("P")?, r.view("R")?, slow.as_slice()?));
         }
         let last = coarsest.view("A")?;
         Ok(Self { inner: py.detach(|| cycle::Cycle::new(&made, last))? })
@@ -176,6 +186,7 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(py_prolongation, m)?)?;
     m.add_function(wrap_pyfunction!(py_overlap, m)?)?;
     m.add_function(wrap_pyfunction!(py_extended, m)?)?;
+    m.add_function(wrap_pyfunction!(py_slow, m)?)?;
     m.add_class::<Cycle>()?;
     m.add_function(wrap_pyfunction!(py_galerkin, m)?)
 }

@@ -1,6 +1,7 @@
 //! V-cycles, and conjugate gradients with them.
 //!
-//! One symmetric Gauss-Seidel sweep before and after the coarse correction. A sweep goes through large blocks of rows at
+//! One symmetric Gauss-Seidel sweep before and after the coarse correction, and one more of the unknowns that are slow,
+//! next to it. A sweep goes through large blocks of rows at
 //! the same time, each with the values that the other blocks had before; the blocks depend on the size alone, so the
 //! result is the same for any number of threads. The cycle is a preconditioner, and works in single precision: what it
 //! costs is reading matrices. Iterates, residuals and scalar products are double.
@@ -134,9 +135,14 @@ struct Level {
     order: Order,
     a: Single,
     inverse: Vec<f32>,
+    /// Unknowns that are swept once more, ascending in their new numbers.
+    slow: Vec<u32>,
     p: Single,
     r: Single,
 }
+
+/// What a level is made of: operator, prolongation, restriction, and the unknowns that are swept once more.
+pub type Stage<'a> = (RowsRef<'a>, RowsRef<'a>, RowsRef<'a>, &'a [i64]);
 
 /// Vectors of a level.
 struct Space {
@@ -154,15 +160,15 @@ pub struct Cycle {
 }
 
 impl Cycle {
-    /// From operators, prolongations and restrictions, finest first; the coarsest operator has none.
-    pub fn new(stages: &[(RowsRef<'_>, RowsRef<'_>, RowsRef<'_>)], coarsest: RowsRef<'_>) -> Result<Self, Error> {
+    /// From all levels but the coarsest, finest first, and the coarsest operator.
+    pub fn new(stages: &[Stage<'_>], coarsest: RowsRef<'_>) -> Result<Self, Error> {
         let mut levels: Vec<Level> = Vec::new();
         let mut orders: Vec<Order> = stages.iter().map(|(a, ..)| Order::of(*a)).collect();
         orders.push(Order::default());
         let mut orders = orders.into_iter().peekable();
         let mut size = stages.first().map_or(coarsest.len(), |stage| stage.0.len());
         let finest = size;
-        for (a, p, r) in stages {
+        for (a, p, r, slow) in stages {
             let fits = a.len() == size && a.columns == size && p.len() == size && r.columns == size;
             if !fits || r.len() != p.columns {
                 return Err(Error::Argument("the matrices of two levels do not fit".into()));
@@ -181,8 +187,13 @@ impl Cycle {
             let plain = Order::default();
             let below = orders.peek().unwrap_or(&plain);
             let inverse = (0..a.len()).map(|i| diagonal(order.old_of(i))).collect::<Result<_, _>>()?;
+            if slow.iter().any(|&i| usize::try_from(i).map_or(true, |i| i >= a.len())) {
+                return Err(Error::Argument("'slow' names an unknown that is not there".into()));
+            }
+            let mut slow: Vec<u32> = slow.iter().map(|&i| order.new_of(i as usize) as u32).collect();
+            slow.sort_unstable();
             let (p, r) = (Single::new(*p, &order, below), Single::new(*r, below, &order));
-            levels.push(Level { a: Single::new(*a, &order, &order), order, inverse, p, r });
+            levels.push(Level { a: Single::new(*a, &order, &order), order, inverse, slow, p, r });
         }
         if coarsest.len() != size || coarsest.columns != size {
             return Err(Error::Argument("the coarsest matrix does not fit".into()));
@@ -226,41 +237,69 @@ impl Cycle {
             return self.coarsest.solve(b, x);
         };
         x.fill(0.0);
-        level.sweep(b, x, spare, true);
-        level.sweep(b, x, spare, false);
+        level.sweep(b, x, spare, true, false);
+        level.sweep(b, x, spare, false, false);
+        level.sweep(b, x, spare, true, true);
+        level.sweep(b, x, spare, false, true);
         level.a.apply(x, spare, |i, _, sum| b[i] - sum);
         level.r.apply(spare, &mut below[0].b, |_, _, sum| sum);
         self.descend(depth + 1, below);
         level.p.apply(&below[0].x, x, |_, old, sum| old + sum);
-        level.sweep(b, x, spare, true);
-        level.sweep(b, x, spare, false);
+        level.sweep(b, x, spare, true, true);
+        level.sweep(b, x, spare, false, true);
+        level.sweep(b, x, spare, true, false);
+        level.sweep(b, x, spare, false, false);
     }
 }
 
 impl Level {
-    /// Half a symmetric sweep.
-    fn sweep(&self, b: &[f32], x: &mut [f32], before: &mut [f32], forward: bool) {
+    /// Half a symmetric sweep, over all unknowns or the slow ones.
+    fn sweep(&self, b: &[f32], x: &mut [f32], before: &mut [f32], forward: bool, slow: bool) {
+        if slow && self.slow.is_empty() {
+            return;
+        }
         let block = block_of(x.len());
+        let relax = |x: &mut [f32], first: usize, before: &[f32]| {
+            let end = first + x.len();
+            if slow {
+                let place = |i: usize| self.slow.partition_point(|&k| (k as usize) < i);
+                let rows = self.slow[place(first)..place(end)].iter().map(|&i| i as usize);
+                self.relax(b, x, first, before, rows, forward);
+            } else {
+                self.relax(b, x, first, before, first..end, forward);
+            }
+        };
         if x.len() <= block {
-            return self.relax(b, x, 0, &[], forward);
+            return relax(x, 0, &[]);
         }
         before.copy_from_slice(x);
         let before = &*before;
-        x.par_chunks_mut(block).enumerate().for_each(|(k, x)| self.relax(b, x, k * block, before, forward));
+        x.par_chunks_mut(block).enumerate().for_each(|(k, x)| relax(x, k * block, before));
     }
 
-    /// Relaxes the rows of a block.
-    fn relax(&self, b: &[f32], x: &mut [f32], first: usize, before: &[f32], forward: bool) {
-        for k in 0..x.len() {
-            let k = if forward { k } else { x.len() - 1 - k };
-            let i = first + k;
+    /// Relaxes rows of a block.
+    fn relax(
+        &self,
+        b: &[f32],
+        x: &mut [f32],
+        first: usize,
+        before: &[f32],
+        rows: impl DoubleEndedIterator<Item = usize>,
+        forward: bool,
+    ) {
+        let mut relax = |i: usize| {
             let (columns, values) = self.a.row(i);
             let mut sum = b[i];
             for (&j, a) in columns.iter().zip(values) {
                 let j = j as usize;
                 sum -= a * x.get(j.wrapping_sub(first)).copied().unwrap_or_else(|| before[j]);
             }
-            x[k] += sum * self.inverse[i];
+            x[i - first] += sum * self.inverse[i];
+        };
+        if forward {
+            rows.for_each(&mut relax);
+        } else {
+            rows.rev().for_each(&mut relax);
         }
     }
 }

@@ -376,11 +376,13 @@ def _filtered(a: Any, least: float) -> Any:
         if i in rows[i]:
             rows[i][i] += value
     for one, two, k, half in found:
-        for i in (one, two) if k is not None else ():
+        if k is None:
+            continue
+        for i in (one, two):
             for s, t in ((i, k), (k, i)):
                 if t in rows[s] and s in rows[s]:
                     rows[s][t] += 2.0 * half
                     rows[s][s] -= 2.0 * half
-    entries = [(i, j, value) for i, row in enumerate(rows) for j, value in row.items()]
-    row, column, value = zip(*entries, strict=True) if entries else ((), (), ())
-    return csr_matrix((value, (row, column)), shape=a.shape)
+    indptr = np.concatenate([[0], np.cumsum([len(row) for row in rows])])
+    indices = np.array([j for row in rows for j in row], dtype=np.int32)
+    return csr_matrix((np.array([value for row in rows for value in row.values()]), indices, indptr), shape=a.shape)
