@@ -17,12 +17,14 @@ _Report = Callable[[str, int, int], None]
 _Made = tuple[list[dict[str, Any]], str, _Floats]
 
 __all__ = [
+    "Cycle",
     "__version__",
     "cell_quality",
     "check_mesh",
     "coarsened",
     "conflict_graph",
     "delaunay",
+    "extended",
     "galerkin",
     "hierarchy",
     "independent_set",
@@ -33,6 +35,7 @@ __all__ = [
     "prolongation",
     "quadtree",
     "skeleton_independent_set",
+    "slow",
     "threshold",
 ]
 
