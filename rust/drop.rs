@@ -174,7 +174,7 @@ impl<'a> Ground<'a> {
     /// A point inside the mesh near a node, and the tag there.
     fn eye(&self, node: u32) -> (Point<2>, i64) {
         let t = self.home[node as usize] as usize;
-        let corners = self.input.cells[t].map(|i| self.input.points[i as usize]);
+        let corners = self.input.cells.get(t).map(|i| self.input.points[i as usize]);
         (centroid(&corners), self.tags.get(t).copied().unwrap_or(self.tag))
     }
 

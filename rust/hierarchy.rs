@@ -22,7 +22,9 @@ use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::greedy_in_tiles;
 use crate::spacing::{CoarseSpacing, nearest, threshold};
+use rayon::prelude::*;
 use std::borrow::Cow;
+use std::collections::HashMap;
 
 /// A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth.
 pub const STALL: f64 = 0.95;
@@ -67,7 +69,44 @@ pub struct Input<'a> {
     /// Spacing at the nodes; `None` is the nearest-neighbour spacing (Definition 3.2).
     pub spacing: Option<&'a [f64]>,
     /// Cells, counter-clockwise.
-    pub cells: &'a [[u32; 3]],
+    pub cells: CellRows<'a>,
+}
+
+/// Cells by their corners, of either width: what crosses the border is not copied, for most hierarchies only count them.
+#[derive(Debug, Clone, Copy)]
+pub enum CellRows<'a> {
+    /// The core's own width.
+    Short(&'a [[u32; 3]]),
+    /// NumPy's width; every entry is the index of a node.
+    Long(&'a [[i64; 3]]),
+}
+
+impl CellRows<'_> {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        match self {
+            CellRows::Short(rows) => rows.len(),
+            CellRows::Long(rows) => rows.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The corners of one.
+    pub fn get(&self, t: usize) -> [u32; 3] {
+        match self {
+            CellRows::Short(rows) => rows[t],
+            CellRows::Long(rows) => rows[t].map(|i| i as u32),
+        }
+    }
+
+    /// The corners of all.
+    pub fn iter(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        (0..self.len()).map(|t| self.get(t))
+    }
 }
 
 /// The options, checked by the caller.
@@ -515,12 +554,12 @@ impl Builder<'_> {
         }
         let Drawn { choice, f, level } = drawn;
         let mesh = assemble(self.domain, &choice, &level)?;
-        let mut copies = std::collections::HashMap::new();
+        let mut copies = HashMap::new();
         for v in (0..self.domain.len() as u32).filter(|&v| choice.kept[v as usize]) {
-            copies.extend(self.domain.copies(v).iter().map(|&node| (node, v)));
+            copies.extend(self.domain.copies(v)[1..].iter().map(|&node| (node, v)));
         }
         let candidate = |node: &u32| copies.get(node).copied().unwrap_or_else(|| self.candidate_of[*node as usize]);
-        let spacing = mesh.nodes.iter().map(|node| f[candidate(node) as usize]).collect();
+        let spacing = mesh.nodes.par_iter().map(|node| f[candidate(node) as usize]).collect();
         let visits = self.visits(i, p);
         Ok((Level { mesh, factor: self.factor(i), spacing, visits, dropped: None }, choice))
     }

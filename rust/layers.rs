@@ -7,7 +7,7 @@
 use crate::domain::FacetRow;
 use crate::drop::Dropped;
 use crate::error::Error;
-use crate::hierarchy::{Drop, Hierarchy, Input, Level, Options, STALL, Stopped, hierarchy};
+use crate::hierarchy::{CellRows, Drop, Hierarchy, Input, Level, Options, STALL, Stopped, hierarchy};
 use crate::level::LevelMesh;
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
@@ -78,7 +78,12 @@ pub fn hierarchy_in_layers(
 
 impl Layer {
     fn input(&self) -> Input<'_> {
-        Input { points: &self.points, facets: &self.facets, spacing: self.spacing.as_deref(), cells: &self.cells }
+        Input {
+            points: &self.points,
+            facets: &self.facets,
+            spacing: self.spacing.as_deref(),
+            cells: CellRows::Short(&self.cells),
+        }
     }
 }
 

@@ -16,6 +16,7 @@ use crate::point::{NONE, Point, distance};
 use crate::progress::Progress;
 use crate::selection::{conflict_graph, greedy, greedy_in_tiles, rank};
 use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
@@ -289,6 +290,13 @@ pub struct Triangulated {
     pub cells: Cells,
 }
 
+impl Triangulated {
+    /// Coordinates of a cell's corners.
+    fn corners(&self, t: usize) -> [Point<2>; 3] {
+        self.cells.cells[t].map(|v| self.points[v as usize])
+    }
+}
+
 /// Sites of a choice in a spatial order, and their coordinates.
 pub(crate) fn sites_of(domain: &Domain, points: &[Point<2>], choice: &Choice) -> (Vec<u32>, Vec<Point<2>>) {
     let facets = domain.len() as u32;
@@ -350,9 +358,8 @@ const NARROW: f64 = 0.965_925_826_289_068_3;
 /// would split a chord next to one: of its longest chord that spans several facet edges, the vertex nearest to the
 /// corner opposite.
 pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (usize, Vec<u32>) {
-    let (mut narrow, mut back) = (0, Vec::new());
-    for (cell, around) in level.cells.cells.iter().zip(&level.cells.constraints) {
-        let p = cell.map(|v| level.points[v as usize]);
+    let is_narrow = |&t: &usize| {
+        let (p, around) = (level.corners(t), &level.cells.constraints[t]);
         let edge = |k: usize| [p[(k + 1) % 3][0] - p[k][0], p[(k + 1) % 3][1] - p[k][1]];
         let is_sharp = |k: usize| {
             let (out, back) = (edge(k), edge((k + 2) % 3));
@@ -360,10 +367,12 @@ pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (
             let between_chords = around[k] != NONE && around[(k + 2) % 3] != NONE;
             !between_chords && -(out[0] * back[0] + out[1] * back[1]) > NARROW * lengths
         };
-        if !(0..3).any(is_sharp) {
-            continue;
-        }
-        narrow += 1;
+        (0..3).any(is_sharp)
+    };
+    let narrow: Vec<usize> = (0..level.cells.cells.len()).into_par_iter().filter(is_narrow).collect();
+    let mut back = Vec::new();
+    for &t in &narrow {
+        let (p, around) = (level.corners(t), &level.cells.constraints[t]);
         let splits = |k: &usize| {
             around[*k] != NONE && {
                 let chord = &choice.chords[around[*k] as usize / 2];
@@ -381,7 +390,7 @@ pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (
             back.extend(inner.min_by(|&v, &w| away(v).total_cmp(&away(w)).then(v.cmp(&w))));
         }
     }
-    (narrow, back)
+    (narrow.len(), back)
 }
 
 /// Turns sites into node copies, carries tags to cells, lists the facets.
@@ -390,12 +399,12 @@ pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Resul
     let facets = domain.len() as u32;
     let mut nodes: Vec<u32> = choice.interior.clone();
     nodes.extend(sites.iter().filter(|&&s| s < facets).flat_map(|&s| domain.copies(s)));
-    nodes.sort_unstable();
+    nodes.par_sort_unstable();
     let mut shared: HashMap<u32, u32> = HashMap::new();
     let index_of = |node: u32| nodes.binary_search(&node).map_or(NONE, |i| i as u32);
     // index of the node of each site with one copy
     let single: Vec<u32> = sites
-        .iter()
+        .par_iter()
         .map(|&s| match s.checked_sub(facets) {
             Some(node) => index_of(node),
             None => match domain.copies(s) {
@@ -405,17 +414,12 @@ pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Resul
         })
         .collect();
     let mut out = LevelMesh { cell_tags: tags(domain, &choice.chords, cells), ..LevelMesh::default() };
-    out.cells.reserve(cells.cells.len());
-    for (t, cell) in cells.cells.iter().enumerate() {
-        let mut corners = [NONE; 3];
-        for k in 0..3 {
-            corners[k] = single[cell[k] as usize];
-            if corners[k] == NONE {
-                let node = copy_at(domain, &choice.chords, cells, t as u32, cell[k])?;
-                corners[k] = *shared.entry(node).or_insert_with(|| index_of(node));
-            }
+    out.cells = cells.cells.par_iter().map(|cell| cell.map(|s| single[s as usize])).collect();
+    for (t, (corners, cell)) in out.cells.iter_mut().zip(&cells.cells).enumerate() {
+        for k in (0..3).filter(|&k| single[cell[k] as usize] == NONE) {
+            let node = copy_at(domain, &choice.chords, cells, t as u32, cell[k])?;
+            corners[k] = *shared.entry(node).or_insert_with(|| index_of(node));
         }
-        out.cells.push(corners);
     }
     let mut beside = vec![[NONE; 2]; choice.chords.len()];
     for (t, around) in cells.constraints.iter().enumerate() {
@@ -472,6 +476,13 @@ fn copy_at(domain: &Domain, chords: &[Chord], cells: &Cells, cell: u32, site: u3
 
 /// Tag of each cell: from the sides of the chords, flooded up to the next chord.
 fn tags(domain: &Domain, chords: &[Chord], cells: &Cells) -> Vec<i64> {
+    let all_sides = chords.iter().flat_map(|chord| &domain.chains[chord.chain as usize].edge(chord.from).sides);
+    let mut own = all_sides.filter(|side| side.is_inside()).map(|side| side.cell_tag);
+    if let Some(first) = own.next()
+        && own.all(|tag| tag == first)
+    {
+        return vec![first; cells.cells.len()];
+    }
     let mut tags = vec![0; cells.cells.len()];
     let mut known = vec![false; cells.cells.len()];
     let mut stack = Vec::new();

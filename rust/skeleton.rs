@@ -5,7 +5,7 @@
 
 use crate::domain::Domain;
 use crate::error::Error;
-use crate::hierarchy::{Level, Options, STALL, Stopped};
+use crate::hierarchy::{CellRows, Level, Options, STALL, Stopped};
 use crate::level::{Choice, assemble, triangulate};
 use crate::point::Point;
 use crate::progress::Progress;
@@ -14,7 +14,7 @@ use std::borrow::Cow;
 /// Builds the levels, finest first. `cells` are the input's; no spacing is known of these levels.
 pub fn hierarchy(
     points: &[Point<2>],
-    cells: &[[u32; 3]],
+    cells: CellRows<'_>,
     domain: &Domain,
     options: Options,
     progress: &Progress,
@@ -24,7 +24,7 @@ pub fn hierarchy(
         vertex_of.extend(domain.copies(v).iter().map(|&node| (node, v)));
     }
     let first_copy = |node: u32| vertex_of.get(&node).map_or(node, |&v| domain.copies(v)[0]);
-    let mut cells: Vec<[u32; 3]> = cells.to_vec();
+    let mut cells: Vec<[u32; 3]> = cells.iter().collect();
     // what is put back must be of the finer level, so its chains are those at hand
     let mut thin = Cow::Borrowed(domain);
     let mut levels: Vec<Level> = Vec::new();

@@ -1,8 +1,8 @@
 //! Constrained Delaunay triangulation; the only file that names spade.
 //!
 //! Points are inserted in the order given (callers give a spatial one: a walk from the last point is then short).
-//! Cells outside the domain are found by flooding from the left sides of directed boundary edges, not by spade's parity
-//! rule, which takes a loop of interior facets for a hole.
+//! Cells outside the domain are found by flooding up to its walls, not by spade's parity rule, which takes a loop of
+//! interior facets for a hole.
 
 use crate::error::Error;
 use crate::point::{NONE, Point};
@@ -108,6 +108,8 @@ pub enum Inside {
 }
 
 /// Cells of the constrained Delaunay triangulation that lie inside the walls.
+///
+/// What lies outside is flooded, from the hull and from the sides of walls that have no cells: mostly a small part.
 pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside, Error> {
     let mut cdt = insert_all(points, |k| k as u32)?;
     let failed = constrain(&mut cdt, constraints.iter().map(|c| c.ends));
@@ -115,8 +117,7 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
         return Ok(Inside::Failed(failed));
     }
     let mut on_edge = vec![NONE; cdt.num_directed_edges()];
-    let mut cell_of = vec![NONE; cdt.num_all_faces()];
-    let mut faces = Vec::new();
+    let (mut within, mut outside) = (Vec::new(), Outside::new(&cdt));
     for (c, constraint) in constraints.iter().enumerate() {
         let [a, b] = constraint.ends;
         let Some(edge) = cdt.get_edge_from_neighbors(vertex(a), vertex(b)) else { continue };
@@ -124,31 +125,68 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
         on_edge[edge.rev().fix().index()] = 2 * c as u32 + 1;
         for (edge, is_inside) in [(edge, constraint.left), (edge.rev(), constraint.right)] {
             if is_inside {
-                visit(edge, &mut cell_of, &mut faces)?;
+                within.push(edge.face());
+            } else if constraint.wall {
+                outside.visit(edge);
             }
         }
     }
-    let is_wall = |c: u32| c != NONE && constraints[c as usize / 2].wall;
-    let mut at = 0;
-    while at < faces.len() {
-        let face = cdt.face(faces[at]);
-        for edge in face.adjacent_edges() {
-            if !is_wall(on_edge[edge.fix().index()]) {
-                visit(edge.rev(), &mut cell_of, &mut faces)?;
-            }
-        }
-        at += 1;
+    let is_wall = |edge: Edge<'_>| {
+        let c = on_edge[edge.fix().index()];
+        c != NONE && constraints[c as usize / 2].wall
+    };
+    for edge in cdt.convex_hull() {
+        [edge, edge.rev()].into_iter().filter(|&edge| !is_wall(edge)).for_each(|edge| outside.visit(edge));
     }
-    let mut out = Cells::default();
-    for &face in &faces {
+    outside.flood(&cdt, is_wall);
+    if within.iter().any(|face| face.is_outer() || outside.is_in[face.fix().index()]) {
+        return Err(Error::Internal("the flood of the outside came into the domain".into()));
+    }
+    let faces: Vec<FaceHandle> = cdt.fixed_inner_faces().filter(|face| !outside.is_in[face.index()]).collect();
+    let mut cell_of = vec![NONE; cdt.num_all_faces()];
+    faces.iter().zip(0..).for_each(|(face, t)| cell_of[face.index()] = t);
+    let cell = |&face: &FaceHandle| {
         let edges = cdt.face(face).adjacent_edges();
-        out.cells.push(edges.map(|e| e.from().fix().index() as u32));
-        out.constraints.push(edges.map(|e| on_edge[e.fix().index()]));
-        out.neighbours.push(
-            edges.map(|e| if is_wall(on_edge[e.fix().index()]) { NONE } else { cell_of[e.rev().face().fix().index()] }),
-        );
+        let beyond = |edge: Edge<'_>| if is_wall(edge) { NONE } else { cell_of[edge.rev().face().fix().index()] };
+        let corners = edges.map(|e| e.from().fix().index() as u32);
+        (corners, (edges.map(beyond), edges.map(|e| on_edge[e.fix().index()])))
+    };
+    let (cells, (neighbours, constraints)) = faces.par_iter().map(cell).unzip();
+    Ok(Inside::Cells(Cells { cells, neighbours, constraints }))
+}
+
+/// The faces outside of a domain.
+struct Outside {
+    is_in: Vec<bool>,
+    reached: Vec<FaceHandle>,
+}
+
+impl Outside {
+    fn new(cdt: &Cdt) -> Self {
+        Outside { is_in: vec![false; cdt.num_all_faces()], reached: Vec::new() }
     }
-    Ok(Inside::Cells(out))
+
+    /// Takes in the face on the left of an edge.
+    fn visit(&mut self, edge: Edge<'_>) {
+        if let Some(face) = edge.face().as_inner().map(|face| face.fix())
+            && !self.is_in[face.index()]
+        {
+            self.is_in[face.index()] = true;
+            self.reached.push(face);
+        }
+    }
+
+    fn flood(&mut self, cdt: &Cdt, is_wall: impl Fn(Edge<'_>) -> bool) {
+        let mut at = 0;
+        while at < self.reached.len() {
+            for edge in cdt.face(self.reached[at]).adjacent_edges() {
+                if !is_wall(edge) {
+                    self.visit(edge.rev());
+                }
+            }
+            at += 1;
+        }
+    }
 }
 
 /// All cells of the constrained Delaunay triangulation of the convex hull, neighbours across constraints too, and the
@@ -176,18 +214,6 @@ pub fn hull(points: &[Point<2>], constraints: &[Constraint]) -> Result<(Cells, V
 }
 
 type FaceHandle = spade::handles::FixedFaceHandle<spade::handles::InnerTag>;
-
-fn visit(edge: Edge<'_>, cell_of: &mut [u32], faces: &mut Vec<FaceHandle>) -> Result<(), Error> {
-    let Some(face) = edge.face().as_inner() else {
-        return Err(Error::Internal("the flood of the domain left the convex hull".into()));
-    };
-    let index = face.fix().index();
-    if cell_of[index] == NONE {
-        cell_of[index] = faces.len() as u32;
-        faces.push(face.fix());
-    }
-    Ok(())
-}
 
 /// Sorts indices along a Hilbert curve through the bounding box of their points, ties by index.
 pub fn sort_spatially(indices: &mut Vec<u32>, point: impl Fn(u32) -> Point<2> + Sync) {

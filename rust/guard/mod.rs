@@ -20,6 +20,7 @@ use crate::level::{Candidates, Place, Triangulated};
 use crate::point::{NONE, Point, distance};
 use crate::triangulation::Cells;
 use patch::Patch;
+use rayon::prelude::*;
 
 /// Share of nodes that the guard may add to a level.
 pub const BUDGET: f64 = 0.10;
@@ -127,7 +128,9 @@ pub fn better(
     let sharp = guard.min_angle.cos();
     let pairs_left = MOST_PAIRS + level.sites.len() / MOST_PAIRS;
     let mut work = Work { scene, guard, patch, candidate, taken, is_free, added: 0, most_added, pairs_left, sharp };
-    let mut bad: Vec<u32> = (0..work.patch.len() as u32).filter(|&t| work.patch.sharpness(t) > sharp).collect();
+    let patch = &work.patch;
+    let is_bad = |&t: &u32| patch.sharpness(t) > sharp;
+    let mut bad: Vec<u32> = (0..patch.len() as u32).into_par_iter().filter(is_bad).collect();
     for _ in 0..MOST_ROUNDS {
         bad = work.round(bad);
         if bad.is_empty() {

@@ -5,6 +5,7 @@
 
 use crate::point::{NONE, Point, orient};
 use crate::triangulation::Cells;
+use rayon::prelude::*;
 
 /// Steps of a walk after which a point counts as not found.
 const MOST_STEPS: usize = 256;
@@ -60,7 +61,7 @@ impl Patch {
         let mut patch = Patch {
             points,
             names,
-            cells: (0..count).map(cell).collect(),
+            cells: (0..count).into_par_iter().map(cell).collect(),
             at,
             saved: Vec::new(),
             saved_at: Vec::new(),
@@ -77,18 +78,16 @@ impl Patch {
 
     /// The cells, without those that are gone.
     pub fn into_cells(self) -> Cells {
+        let alive: Vec<u32> = (0..self.cells.len() as u32).filter(|&t| self.cells[t as usize] != DEAD).collect();
         let mut index = vec![NONE; self.cells.len()];
-        let mut out = Cells::default();
-        for (t, cell) in self.cells.iter().enumerate().filter(|(_, cell)| **cell != DEAD) {
-            index[t] = out.cells.len() as u32;
-            out.cells.push(cell.corners);
-            out.neighbours.push(cell.neighbours);
-            out.constraints.push(cell.constraints);
-        }
-        for around in &mut out.neighbours {
-            around.iter_mut().filter(|t| **t != NONE).for_each(|t| *t = index[*t as usize]);
-        }
-        out
+        alive.iter().zip(0..).for_each(|(&t, new)| index[t as usize] = new);
+        let neighbour = |t: u32| if t == NONE { NONE } else { index[t as usize] };
+        let cell = |&t: &u32| {
+            let cell = &self.cells[t as usize];
+            (cell.corners, (cell.neighbours.map(neighbour), cell.constraints))
+        };
+        let (cells, (neighbours, constraints)) = alive.par_iter().map(cell).unzip();
+        Cells { cells, neighbours, constraints }
     }
 
     /// Number of cells ever made.
@@ -257,23 +256,32 @@ impl Patch {
 
     /// Flips edges until the triangulation is the one that the tie rule asks for.
     fn break_ties(&mut self) {
-        let mut waiting: Vec<u32> = (0..self.cells.len() as u32).rev().collect();
+        // few cells have a tie, and who has one is seen without changing any
+        let has_tie = |&t: &u32| (0..3).any(|k| self.wrong_diagonal(t, k).is_some());
+        let mut waiting: Vec<u32> = (0..self.cells.len() as u32).into_par_iter().filter(has_tie).collect();
+        waiting.reverse();
         while let Some(t) = waiting.pop() {
             for k in 0..3 {
-                let cell = self.cells[t as usize];
-                let other = cell.neighbours[k];
-                if other == NONE || cell.constraints[k] != NONE {
-                    continue;
-                }
-                let across = self.cells[other as usize];
-                let Some(j) = (0..3).find(|&j| across.neighbours[j] == t) else { continue };
-                let d = across.corners[(j + 2) % 3];
-                if self.in_circle(cell.corners, d) && self.flip(t, k, other, j) {
+                if let Some((other, j)) = self.wrong_diagonal(t, k)
+                    && self.flip(t, k, other, j)
+                {
                     waiting.extend([other, t]);
                     break;
                 }
             }
         }
+    }
+
+    /// The cell across the edge k of a cell, and the number of that edge there, where the edge is not the one to have.
+    fn wrong_diagonal(&self, t: u32, k: usize) -> Option<(u32, usize)> {
+        let cell = &self.cells[t as usize];
+        let other = cell.neighbours[k];
+        if other == NONE || cell.constraints[k] != NONE {
+            return None;
+        }
+        let across = &self.cells[other as usize];
+        let j = (0..3).find(|&j| across.neighbours[j] == t)?;
+        self.in_circle(cell.corners, across.corners[(j + 2) % 3]).then_some((other, j))
     }
 
     /// Replaces the edge between two cells by the other diagonal, where they form a convex quadrilateral.

@@ -3,7 +3,7 @@
 use super::run::run;
 use crate::domain::FacetRow;
 use crate::error::Error;
-use crate::hierarchy::{Drop, Input, Level, Method, Options, Stopped, hierarchy};
+use crate::hierarchy::{CellRows, Drop, Input, Level, Method, Options, Stopped, hierarchy};
 use crate::layers::hierarchy_in_layers;
 use crate::level::Rules;
 use crate::line::{self, LineLevel};
@@ -164,8 +164,9 @@ fn py_hierarchy<'py>(
 ) -> PyResult<Made<'py>> {
     let spacing = spacing.as_ref().map(|s| s.as_slice()).transpose()?;
     let layer = facets.layer.as_ref().map(|layer| layer.as_slice()).transpose()?;
-    let (cells, facets) = (index_rows(&cells)?, facets.rows()?);
-    let input = Input { points: rows("points", &points)?, cells: &cells, facets: &facets, spacing };
+    let facets = facets.rows()?;
+    let cells = CellRows::Long(rows("cells", &cells)?);
+    let input = Input { points: rows("points", &points)?, cells, facets: &facets, spacing };
     let options = options.core();
     let work = |progress: &Progress| match layer {
         Some(layer) => hierarchy_in_layers(&input, layer, options, progress),

@@ -1,7 +1,7 @@
 //! Levels that drop small features: legal meshes of a simplified domain, down to any size.
 
 use _core::domain::FacetRow;
-use _core::hierarchy::{Drop, Hierarchy, Input, Level, Method, Options, Stopped, hierarchy};
+use _core::hierarchy::{CellRows, Drop, Hierarchy, Input, Level, Method, Options, Stopped, hierarchy};
 use _core::level::Rules;
 use _core::point::Point;
 use _core::progress::Progress;
@@ -95,7 +95,8 @@ impl Domain {
             pool: true,
             cos_feature: 0.5,
         };
-        let input = Input { points: &self.points, facets: &self.facets, spacing: None, cells: &self.cells };
+        let input =
+            Input { points: &self.points, facets: &self.facets, spacing: None, cells: CellRows::Short(&self.cells) };
         let made = hierarchy(&input, options, &Progress::default()).expect("a hierarchy");
         let mut finer: Vec<u32> = (0..self.points.len() as u32).collect();
         for level in &made.0 {

@@ -12,7 +12,7 @@ pub mod random;
 pub mod shrink;
 pub mod topology;
 
-use _core::hierarchy::{Drop, Input, Method, Options, hierarchy};
+use _core::hierarchy::{CellRows, Drop, Input, Method, Options, hierarchy};
 use _core::level::Rules;
 use _core::progress::Progress;
 use random::Random;
@@ -84,7 +84,7 @@ fn options(random: &mut Random) -> Options {
 /// What went wrong, in the terms of the rule that broke; `None` where nothing did.
 pub fn failure(plane: &Plane, options: Options) -> Option<String> {
     let (progress, facets) = (Progress::default(), facet_rows(plane));
-    let input = Input { points: &plane.points, facets: &facets, spacing: None, cells: &plane.cells };
+    let input = Input { points: &plane.points, facets: &facets, spacing: None, cells: CellRows::Short(&plane.cells) };
     let begun = Instant::now();
     let longest = |levels: usize| SLOW.max(SLOW_LEVEL * levels as u32);
     // a busy machine is no fault of ours
