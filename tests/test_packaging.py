@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import importlib
 import pkgutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -29,6 +31,19 @@ def test_import_loads_nothing_but_numpy():
 
 def test_core_and_package_have_one_version():
     assert coarsen.__version__ == importlib.import_module("coarsen._core").__version__
+
+
+def test_the_stub_exports_what_the_core_has():
+    core = importlib.import_module("coarsen._core")
+    stub = ast.parse(Path(coarsen.__file__).with_name("_core.pyi").read_text(encoding="utf-8"))
+    (names,) = (ast.literal_eval(node.value) for node in stub.body if isinstance(node, ast.Assign) and is_all(node))
+    own = {name for name in dir(core) if not name.startswith("_")} | {"__version__"}
+    assert set(names) == own
+
+
+def is_all(node: ast.Assign) -> bool:
+    """Tell whether a statement gives ``__all__``."""
+    return [target.id for target in node.targets if isinstance(target, ast.Name)] == ["__all__"]
 
 
 @pytest.mark.parametrize("name", modules())
