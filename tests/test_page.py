@@ -86,6 +86,8 @@ def test_the_page_is_well_formed_and_needs_no_other_file(page: Path, h: Hierarch
     assert all(address.startswith("data:image/png;base64,") for address in reader.addresses)
     text = " ".join(reader.texts)
     assert "A plate <with> a crack" in text
+    assert "Local similarity" in reader.texts
+    assert "None" not in reader.texts
     for level in h:
         assert str(level.mesh.n_cells) in reader.texts
     assert h.stopped in text

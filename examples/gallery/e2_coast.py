@@ -17,8 +17,8 @@ mesh = coarsen.gallery.coast(6000)
 
 kept = coarsen.hierarchy(mesh, features="keep")
 dropped = coarsen.hierarchy(mesh, features="drop")
-print(kept.summary(), kept.stopped, sep="\n")
-print(dropped.summary(), dropped.stopped, sep="\n")
+print(kept.summary())
+print(dropped.summary())
 
 # %%
 # The coarsest level of each:

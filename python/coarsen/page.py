@@ -39,6 +39,9 @@ img { max-width: 100%; height: auto; display: block; margin: .4rem auto; }
 footer { margin-top: 3rem; color: var(--soft); font-size: .85rem; }
 """
 
+_MEANS = {"levels": "as many as it takes", "min_angle": "25° (0 with plain)", "threads": "all cores"}
+"""What an option that is not given stands for."""
+
 _SIMILARITY = (
     "<p>How many times longer elements become from level to level, counted by cells of the finer one; the largest is "
     "the I of Definition 2.4.</p>"
@@ -150,5 +153,7 @@ def _options(h: Hierarchy) -> list[tuple[str, str]]:
         value = getattr(h.options, field.name)
         if isinstance(value, np.ndarray):
             value = f"an array of {len(value)} values"
+        elif value is None:
+            value = _MEANS.get(field.name, "none")
         said.append((field.name, str(getattr(value, "value", value))))
     return said
