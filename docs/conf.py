@@ -1,5 +1,6 @@
 """The documentation site: `python -m sphinx -W docs site`; built by ./check."""
 
+import logging
 import os
 import sys
 from pathlib import Path
@@ -9,6 +10,8 @@ sys.path.insert(0, str(HERE / "_ext"))
 os.environ["MPLBACKEND"] = "agg"
 
 import coarsen  # noqa: E402
+
+logging.getLogger("coarsen").setLevel(logging.WARNING)  # an extension listens to everything
 
 project = "coarsen"
 author = "the coarsen authors"

@@ -13,6 +13,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return its exit status."""
     try:
         from .cli import app
+    except KeyboardInterrupt:  # nothing is at hand yet to say it with
+        sys.stderr.write("coarsen: interrupted; nothing was written\n")
+        return INTERRUPTED
     except ImportError as error:
         if (error.name or "").partition(".")[0] not in ("typer", "rich", "click", "shellingham"):
             raise

@@ -149,6 +149,9 @@ def build(
         loaded = time.perf_counter()
         h = hierarchy(read, progress=progress or False, **given)
         built = time.perf_counter()
+        step("measuring", 0, 1)
+        rows(h)  # before anything stands in its place, so that an interrupt leaves nothing
+        measured = time.perf_counter()
         files = []
         parts = 2 + plot + report
         step("writing", 0, parts)
@@ -168,7 +171,8 @@ def build(
             files.append(REPORT)
         step("writing", parts, parts)
     if json_:
-        seconds = {"read": loaded - began, "build": built - loaded, "write": time.perf_counter() - built}
+        seconds = {"read": loaded - began, "build": built - loaded}
+        seconds |= {"measure": measured - built, "write": time.perf_counter() - measured}
         _print_json({"mesh": str(mesh), "folder": str(output), "files": files, **_as_json(h), "seconds": seconds})
         return
     show(levels_table(h, f"{mesh.name} → {output}"))
