@@ -175,3 +175,29 @@ def test_info_tells_the_names(mesh, tmp_path, capsys):
     assert "3 inflow" in capsys.readouterr().out
     assert main(["info", "--json", str(tmp_path / "mesh.npz")]) == 0
     assert json.loads(capsys.readouterr().out)["facet_names"] == {str(tag): name for tag, name in FACETS.items()}
+
+
+def test_cell_data_of_any_name_can_be_the_tags(mesh, tmp_path, caplog, capsys):
+    meshio = pytest.importorskip("meshio")
+    from coarsen.__main__ import main
+
+    material = mesh.cell_tags * 10.0
+    data = {"material": [material], "heat": [material / 7], "CellID": [np.arange(mesh.n_cells)]}
+    meshio.Mesh(np.pad(mesh.points, ((0, 0), (0, 1))), [("triangle", mesh.cells)], cell_data=data).write(
+        tmp_path / "vtk.vtu"
+    )
+    with caplog.at_level("INFO", "coarsen"):
+        assert coarsen.read(tmp_path / "vtk.vtu").cell_tags is None
+    assert "cell data left out: CellID, heat, material" in caplog.text
+    assert np.array_equal(coarsen.read(tmp_path / "vtk.vtu", tags="material").cell_tags, 10 * mesh.cell_tags)
+    assert main(["convert", str(tmp_path / "vtk.vtu"), str(tmp_path / "m.npz"), "--tags", "material"]) == 0
+    assert np.array_equal(coarsen.read(tmp_path / "m.npz").cell_tags, 10 * mesh.cell_tags)
+    for name, told in (
+        ("heat", "'vtk.vtu': 'tags' is 'heat', which is not of whole numbers"),
+        ("stuff", "'tags' is 'stuff', which is not among the cell data, only 'CellID', 'heat', 'material'"),
+    ):
+        with pytest.raises(MeshError, match=told):
+            coarsen.read(tmp_path / "vtk.vtu", tags=name)
+    capsys.readouterr()
+    assert main(["info", str(tmp_path / "m.npz"), "--tags", "material"]) == 2
+    assert "(NumPy archive) has no cell data by name" in capsys.readouterr().err

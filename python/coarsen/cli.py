@@ -13,7 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from . import options
@@ -22,7 +21,7 @@ from .errors import MeshError
 from .mesh import Mesh
 from .multilevel import Hierarchy, hierarchy
 from .options import Options
-from .tables import rows
+from .tables import facts_of, rows, short
 
 EXAMPLES = """
 \b
@@ -73,6 +72,10 @@ def _start(choices: tuple[str, ...], incomplete: str) -> list[str]:
 MeshFile = Annotated[Path, typer.Argument(metavar="MESH", help="The mesh: any format coarsen.read knows.")]
 SplitQuads = Annotated[bool, typer.Option("--split-quads", help="Cut quadrilaterals along their shorter diagonals.")]
 Repair = Annotated[bool, typer.Option("--repair", help="Drop orphans, doubles and empty cells, and say so.")]
+Tags = Annotated[
+    str | None,
+    typer.Option("--tags", metavar="NAME", help="Cell data (of VTK, XDMF, …) that are the tags of the cells."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
@@ -91,10 +94,10 @@ def _top(
         raise typer.Exit
 
 
-def _read(path: Path, split_quads: bool, repair: bool) -> Mesh:
+def _read(path: Path, split_quads: bool, repair: bool, tags: str | None) -> Mesh:
     from .io.files import read_and_tell
 
-    mesh, told = read_and_tell(path, split_quads=split_quads, repair=repair)
+    mesh, told = read_and_tell(path, split_quads=split_quads, repair=repair, tags=tags)
     if told:
         note(f"repaired {path.name}: {' '.join(told.split())}")
     return mesh
@@ -125,6 +128,7 @@ def build(
     report: Annotated[bool, typer.Option("--report", help=f"Write a page about the hierarchy, {REPORT}.")] = False,
     split_quads: SplitQuads = False,
     repair: Repair = False,
+    tags: Tags = None,
     json_: Json = False,
 ) -> None:
     """Build coarser and coarser meshes from a file.
@@ -145,7 +149,7 @@ def build(
         step = progress or (lambda *_: None)
         began = time.perf_counter()
         step("reading", 0, 1)
-        read = _read(mesh, split_quads, repair)
+        read = _read(mesh, split_quads, repair, tags)
         loaded = time.perf_counter()
         h = hierarchy(read, progress=progress or False, **given)
         built = time.perf_counter()
@@ -184,6 +188,7 @@ def info(
     mesh: Annotated[Path, typer.Argument(metavar="MESH_OR_FOLDER", help="A mesh, or what 'coarsen build' made.")],
     split_quads: SplitQuads = False,
     repair: Repair = False,
+    tags: Tags = None,
     json_: Json = False,
 ) -> None:
     """Say what a mesh or a hierarchy is.
@@ -194,7 +199,7 @@ def info(
     if h is not None:
         _print_json({"mesh": str(mesh), **_as_json(h)}) if json_ else show(levels_table(h, str(mesh)))
         return
-    facts = _facts(_read(mesh, split_quads, repair))
+    facts = facts_of(_read(mesh, split_quads, repair, tags))
     if json_:
         _print_json({"mesh": str(mesh), **facts})
         return
@@ -203,40 +208,7 @@ def info(
         if f"{which}_tags" in facts:
             counts = facts[f"{which}_tags"].items()
             facts[f"{which}_tags"] = {f"{tag} {names[tag]}" if tag in names else tag: count for tag, count in counts}
-    show(facts_table([(name.replace("_", " "), _short(value)) for name, value in facts.items()], mesh.name))
-
-
-def _facts(mesh: Mesh) -> dict[str, Any]:
-    quality = mesh.quality()
-    facts: dict[str, Any] = {"dimension": mesh.dim, "nodes": mesh.n_points, "cells": mesh.n_cells}
-    if mesh.dim > 1:
-        facts |= {"min_angle": float(quality.min_angle), "max_angle": float(quality.max_angle)}
-    facts |= {"min_edge": float(quality.min_edge), "max_edge": float(quality.max_edge), "area": float(quality.area)}
-    facts["box"] = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()]
-    facts["boundary_facets"] = len(mesh.boundary_facets)
-    facts["doubled_nodes"] = mesh.n_points - len(np.unique(mesh.points, axis=0))
-    facts["facets"] = 0 if mesh.facets is None else len(mesh.facets)
-    for name, tags in (("facet_tags", mesh.facet_tags), ("cell_tags", mesh.cell_tags)):
-        if tags is not None:
-            values, counts = np.unique(tags, return_counts=True)
-            facts[name] = {int(value): int(count) for value, count in zip(values, counts, strict=True)}
-    for name, names in (("facet_names", mesh.facet_names), ("cell_names", mesh.cell_names)):
-        if names:
-            facts[name] = names
-    facts["fields"] = sorted(mesh.point_data or {})
-    return facts
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, dict):
-        first = [f"{tag} ({count})" for tag, count in list(value.items())[:12]]
-        return ", ".join(first) + (f", … {len(value)} in all" if len(value) > len(first) else "")
-    if isinstance(value, list):
-        parts = [f"({_short(part)})" if isinstance(part, list) else _short(part) for part in value]
-        return ", ".join(parts) or "none"
-    return str(value)
+    show(facts_table([(name.replace("_", " "), short(value)) for name, value in facts.items()], mesh.name))
 
 
 @app.command(epilog=EXAMPLES)
@@ -248,6 +220,7 @@ def plot(
     zoom: Annotated[str | None, typer.Option(metavar="X,Y,HALF", help="Show the square about X, Y too.")] = None,
     split_quads: SplitQuads = False,
     repair: Repair = False,
+    tags: Tags = None,
 ) -> None:
     """Draw a mesh, or the levels of a hierarchy side by side."""
     if kind not in KINDS:
@@ -273,7 +246,7 @@ def plot(
         }
         _save_picture(draw[kind], output)
     else:
-        drawn = _read(mesh, split_quads, repair)
+        drawn = _read(mesh, split_quads, repair, tags)
         _save_picture(lambda: plot_mesh(drawn, window=window).figure, output)
     say(f"picture: {output}")
 
@@ -296,6 +269,7 @@ def convert(
     output: Annotated[Path, typer.Argument(metavar="OUT", help="The new file; the end of its name tells the format.")],
     split_quads: SplitQuads = False,
     repair: Repair = False,
+    tags: Tags = None,
 ) -> None:
     """Write a mesh in another format.
 
@@ -303,7 +277,7 @@ def convert(
     """
     from .io.files import convert as convert_file
 
-    read, told = convert_file(mesh, output, split_quads=split_quads, repair=repair)
+    read, told = convert_file(mesh, output, split_quads=split_quads, repair=repair, tags=tags)
     if told:
         note(f"repaired {mesh.name}: {' '.join(told.split())}")
     say(f"{output}: {read.n_points} nodes, {read.n_cells} cells")

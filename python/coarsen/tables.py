@@ -1,13 +1,16 @@
-"""Hierarchies as tables: the text of ``Hierarchy.summary()`` and the rows behind it, as in Table 1 of the paper."""
+"""Hierarchies and meshes as tables: the text of ``Hierarchy.summary()`` and the rows behind it, as in Table 1 of the paper."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from .check import similarities
 
 if TYPE_CHECKING:
+    from .mesh import Mesh
     from .multilevel import Hierarchy
 
 HEADINGS = ("level", "factor", "nodes", "triangles", "min angle", "max angle", "similarity")
@@ -68,3 +71,38 @@ def summary(h: Hierarchy) -> str:
 def headings(h: Hierarchy) -> tuple[str, ...]:
     """Return the names of the columns; on a line, cells are edges."""
     return tuple("edges" if name == "triangles" and h[0].mesh.dim == 1 else name for name in HEADINGS)
+
+
+def facts_of(mesh: Mesh) -> dict[str, Any]:
+    """Return what is to be said of a mesh, by name, as JSON has it."""
+    quality = mesh.quality()
+    facts: dict[str, Any] = {"dimension": mesh.dim, "nodes": mesh.n_points, "cells": mesh.n_cells}
+    if mesh.dim > 1:
+        facts |= {"min_angle": float(quality.min_angle), "max_angle": float(quality.max_angle)}
+    facts |= {"min_edge": float(quality.min_edge), "max_edge": float(quality.max_edge), "area": float(quality.area)}
+    facts["box"] = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()]
+    facts["boundary_facets"] = len(mesh.boundary_facets)
+    facts["doubled_nodes"] = mesh.n_points - len(np.unique(mesh.points, axis=0))
+    facts["facets"] = 0 if mesh.facets is None else len(mesh.facets)
+    for name, tags in (("facet_tags", mesh.facet_tags), ("cell_tags", mesh.cell_tags)):
+        if tags is not None:
+            values, counts = np.unique(tags, return_counts=True)
+            facts[name] = {int(value): int(count) for value, count in zip(values, counts, strict=True)}
+    for name, names in (("facet_names", mesh.facet_names), ("cell_names", mesh.cell_names)):
+        if names:
+            facts[name] = names
+    facts["fields"] = sorted(mesh.point_data or {})
+    return facts
+
+
+def short(value: Any) -> str:
+    """Return such a value as a line of text."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, dict):
+        first = [f"{tag} ({count})" for tag, count in list(value.items())[:12]]
+        return ", ".join(first) + (f", … {len(value)} in all" if len(value) > len(first) else "")
+    if isinstance(value, list):
+        parts = [f"({short(part)})" if isinstance(part, list) else short(part) for part in value]
+        return ", ".join(parts) or "none"
+    return str(value)

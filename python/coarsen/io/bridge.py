@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import logging
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,6 +21,8 @@ import numpy as np
 from ..errors import MeshError
 from ..mesh import Mesh
 from .draft import Draft, drafted
+
+log = logging.getLogger("coarsen")
 
 _TAG_NAMES = (
     "cell_tags",
@@ -83,7 +86,7 @@ def extensions(*, write: bool = False) -> dict[str, list[str]]:
     return {ending: formats for ending, formats in kept.items() if formats}
 
 
-def from_meshio(other: Any, *, split_quads: bool = False, repair: bool = False) -> Mesh:
+def from_meshio(other: Any, *, split_quads: bool = False, repair: bool = False, tags: str | None = None) -> Mesh:
     """Make a mesh of a ``meshio.Mesh``.
 
     Triangles become cells, lines facets; ``gmsh:physical`` and its kin become tags; point data is carried along. A
@@ -96,18 +99,20 @@ def from_meshio(other: Any, *, split_quads: bool = False, repair: bool = False) 
         Cut quadrilaterals along their shorter diagonals; without it they raise.
     repair : bool
         Mend what :meth:`coarsen.Mesh.repaired` can.
+    tags : str, optional
+        Name of the cell data that are the tags, where it is none of the usual ones.
 
     Raises
     ------
     MeshError
-        If it is no legal mesh of triangles.
+        If it is no legal mesh of triangles, or has no such cell data of whole numbers.
     """
-    return draft_from_meshio(other).mesh(split_quads=split_quads, repair=repair)[0]
+    return draft_from_meshio(other, tags).mesh(split_quads=split_quads, repair=repair)[0]
 
 
-def draft_from_meshio(other: Any) -> Draft:
-    """Sort what a ``meshio.Mesh`` holds into a draft."""
-    tags = _tags(other)
+def draft_from_meshio(other: Any, name: str | None = None) -> Draft:
+    """Sort what a ``meshio.Mesh`` holds into a draft, with the cell data `name` as tags."""
+    tags = _tags(other, name)
     solid = {"triangle", "quad", "triangle6", "triangle7", "quad8", "quad9"} & {block.type for block in other.cells}
     draft = Draft(np.asarray(other.points), [], point_data={})
     facets, facet_tags = [], []
@@ -137,16 +142,16 @@ def draft_from_meshio(other: Any) -> Draft:
         for name, values in other.point_data.items()
         if not name.startswith(("gmsh:", "medit:"))
     }
-    _name(draft, other)
+    _name(draft, other, name)
     return draft
 
 
-def _name(draft: Draft, other: Any) -> None:
+def _name(draft: Draft, other: Any, tags: str | None) -> None:
     """Give the draft the names of its tags: gmsh's physical names, MED's families, sets that became tags."""
     for name, (tag, dim) in _names(other).items():
         {1: draft.facet_names, 2: draft.cell_names}.get(dim, {})[tag] = name
     families = {int(tag): ", ".join(names) for tag, names in getattr(other, "cell_tags", {}).items() if names}
-    families |= {} if _numbered(other) else dict(enumerate(_sets(other), 1))
+    families |= {} if _numbered(other, tags) else dict(enumerate(_sets(other), 1))
     of_cells = [tags for _, _, tags in draft.blocks if tags is not None]
     for names, found in (
         (draft.cell_names, np.concatenate(of_cells) if of_cells else np.zeros(0)),
@@ -165,9 +170,9 @@ def _names(other: Any) -> dict[str, tuple[int, int]]:
     return names
 
 
-def _tags(other: Any) -> list[Any]:
+def _tags(other: Any, chosen: str | None) -> list[Any]:
     """Return the tags of every block: of the first name that has whole numbers, or of sets that do not overlap."""
-    if numbered := _numbered(other):
+    if numbered := _numbered(other, chosen):
         return numbered
     sets = _sets(other)
     if not sets:
@@ -180,16 +185,23 @@ def _tags(other: Any) -> list[Any]:
     return tags
 
 
-def _numbered(other: Any) -> list[Any]:
+def _numbered(other: Any, chosen: str | None) -> list[Any]:
     """Return the tags of every block that stand in the file as numbers, or nothing."""
-    for name in _TAG_NAMES:
-        values = other.cell_data.get(name)
-        if values is None:
-            continue
-        values = [np.asarray(value) for value in values]
-        if all(value.ndim == 1 and _whole(value) for value in values) and any(np.any(value) for value in values):
-            return [value.astype(np.int64) for value in values]
-    return []
+    found: list[Any] = []
+    for name in _TAG_NAMES if chosen is None else (chosen,):
+        values = [np.asarray(value) for value in other.cell_data.get(name, [])]
+        whole = bool(values) and all(value.ndim == 1 and _whole(value) for value in values)
+        if whole and (chosen is not None or any(np.any(value) for value in values)):
+            chosen, found = name, [value.astype(np.int64) for value in values]
+            break
+    others = sorted(name for name in other.cell_data if name != chosen and not name.startswith("gmsh:"))
+    if chosen is not None and not found:
+        there = f"only {', '.join(map(repr, others))}" if others else "none at all"
+        what = "is not of whole numbers" if chosen in other.cell_data else f"is not among the cell data, {there}"
+        raise MeshError(f"'tags' is {chosen!r}, which {what}")
+    if others:
+        log.info("cell data left out: %s (read(path, tags=...) takes one for the tags)", ", ".join(others))
+    return found
 
 
 def _sets(other: Any) -> dict[str, Any]:
@@ -230,9 +242,9 @@ def meshio_from_draft(draft: Draft, tag_name: str = "cell_tags") -> Any:
     )
 
 
-def read_through_meshio(path: Path) -> Draft:
-    """Read any format meshio knows."""
-    return draft_from_meshio(_quietly(path, "read", lambda: meshio().read(path)))
+def read_through_meshio(path: Path, tags: str | None = None) -> Draft:
+    """Read any format meshio knows, with the cell data `tags` as tags."""
+    return draft_from_meshio(_quietly(path, "read", lambda: meshio().read(path)), tags)
 
 
 def write_through_meshio(draft: Draft, path: Path) -> None:

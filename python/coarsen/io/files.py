@@ -93,8 +93,8 @@ def writable() -> list[str]:
     return sorted(own | set(bridge.extensions(write=True)))
 
 
-def read_draft(path: str | os.PathLike[str]) -> Draft:
-    """Read what a file says without judging it.
+def read_draft(path: str | os.PathLike[str], tags: str | None = None) -> Draft:
+    """Read what a file says without judging it, with the cell data `tags` as tags.
 
     Raises
     ------
@@ -112,7 +112,11 @@ def read_draft(path: str | os.PathLike[str]) -> Draft:
         )
     family = family_of(path, write=False)
     try:
-        return family.read(path)
+        if tags is None:
+            return family.read(path)
+        if family.read is not bridge.read_through_meshio:
+            raise MeshError(f"'tags' is {tags!r}, but a file of this kind ({family.name}) has no cell data by name")
+        return bridge.read_through_meshio(path, tags)
     except (ImportError, MemoryError):
         raise
     except MeshError as error:
@@ -134,7 +138,9 @@ def read_draft(path: str | os.PathLike[str]) -> Draft:
         raise MeshError(f"'{path.name}': not a readable {family.name} file: {reason}") from None
 
 
-def read(path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False) -> Mesh:
+def read(
+    path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False, tags: str | None = None
+) -> Mesh:
     """Read a mesh from a file; the end of its name tells the format.
 
     Parameters
@@ -147,6 +153,8 @@ def read(path: str | os.PathLike[str], *, split_quads: bool = False, repair: boo
         Cut quadrilaterals along their shorter diagonals; without it they raise.
     repair : bool
         Mend what :meth:`coarsen.Mesh.repaired` can; what it did is logged at level INFO of the logger ``coarsen``.
+    tags : str, optional
+        Name of the cell data (of VTK, XDMF, …) that are the tags, where it is none of the usual ones.
 
     Raises
     ------
@@ -155,12 +163,14 @@ def read(path: str | os.PathLike[str], *, split_quads: bool = False, repair: boo
     FileNotFoundError
         If there is no such file.
     """
-    return read_and_tell(path, split_quads=split_quads, repair=repair)[0]
+    return read_and_tell(path, split_quads=split_quads, repair=repair, tags=tags)[0]
 
 
-def read_and_tell(path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False) -> tuple[Mesh, str]:
+def read_and_tell(
+    path: str | os.PathLike[str], *, split_quads: bool = False, repair: bool = False, tags: str | None = None
+) -> tuple[Mesh, str]:
     """Do as :func:`read` does, and tell what a repair did."""
-    mesh, told = _judged(read_draft(path), path, split_quads=split_quads, repair=repair)
+    mesh, told = _judged(read_draft(path, tags), path, split_quads=split_quads, repair=repair)
     log.info("read %s: %r", path, mesh)
     return mesh, told
 
@@ -198,6 +208,7 @@ def convert(
     *,
     split_quads: bool = False,
     repair: bool = False,
+    tags: str | None = None,
 ) -> tuple[Mesh, str]:
     """Read one file and write another.
 
@@ -207,7 +218,7 @@ def convert(
         What was written, and what a repair did.
     """
     family_of(Path(target), write=True)
-    mesh, told = read_and_tell(source, split_quads=split_quads, repair=repair)
+    mesh, told = read_and_tell(source, split_quads=split_quads, repair=repair, tags=tags)
     write(mesh, target)
     return mesh, told
 
