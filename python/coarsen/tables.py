@@ -1,4 +1,4 @@
-"""Hierarchies and meshes as tables: the text of ``Hierarchy.summary()`` and the rows behind it, as in Table 1 of the paper."""
+"""Hierarchies and meshes as tables: `Hierarchy.summary()`, the rows behind it as in Table 1 of the paper, facts."""
 
 from __future__ import annotations
 
