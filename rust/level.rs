@@ -356,7 +356,8 @@ const NARROW: f64 = 0.965_925_826_289_068_3;
 
 /// The number of cells under [`NARROW`] degrees, angles between two chords left aside, and facet vertices whose return
 /// would split a chord next to one: of its longest chord that spans several facet edges, the vertex nearest to the
-/// corner opposite.
+/// corner opposite; where it has none, of such chords at its corners the vertex whose distance to the farthest corner is
+/// least.
 pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (usize, Vec<u32>) {
     let is_narrow = |&t: &usize| {
         let (p, around) = (level.corners(t), &level.cells.constraints[t]);
@@ -370,7 +371,7 @@ pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (
         (0..3).any(is_sharp)
     };
     let narrow: Vec<usize> = (0..level.cells.cells.len()).into_par_iter().filter(is_narrow).collect();
-    let mut back = Vec::new();
+    let (mut back, mut lonely) = (Vec::new(), Vec::new());
     for &t in &narrow {
         let (p, around) = (level.corners(t), &level.cells.constraints[t]);
         let splits = |k: &usize| {
@@ -387,6 +388,31 @@ pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (
             let chain = &domain.chains[chord.chain as usize];
             let away = |v: u32| distance(&domain.points[v as usize], corner);
             let inner = (chord.from + 1..chord.to).map(|position| chain.vertex(position));
+            back.extend(inner.min_by(|&v, &w| away(v).total_cmp(&away(w)).then(v.cmp(&w))));
+        } else {
+            lonely.push(&level.cells.cells[t]);
+        }
+    }
+    if !lonely.is_empty() {
+        let mut long: Vec<(u32, &Chord)> = Vec::new();
+        for chord in choice.chords.iter().filter(|chord| chord.to > chord.from + 1) {
+            long.extend(chord.vertices.map(|v| (v, chord)));
+        }
+        long.sort_by_key(|&(v, _)| v);
+        for cell in lonely {
+            let away = |v: u32| {
+                let to = |&s: &u32| distance(&domain.points[v as usize], &level.points[s as usize]);
+                cell.iter().map(to).fold(0.0, f64::max)
+            };
+            let at = |&s: &u32| {
+                let v = level.sites[s as usize];
+                let first = long.partition_point(|end| end.0 < v);
+                long[first..].iter().take_while(move |end| end.0 == v)
+            };
+            let inner = cell.iter().flat_map(at).flat_map(|(_, chord)| {
+                let chain = &domain.chains[chord.chain as usize];
+                (chord.from + 1..chord.to).map(|position| chain.vertex(position))
+            });
             back.extend(inner.min_by(|&v, &w| away(v).total_cmp(&away(w)).then(v.cmp(&w))));
         }
     }

@@ -215,7 +215,8 @@ def narrow_cells(domain: Domain, points: Floats, choice: Choice, level: Triangul
     """Return the number of cells under 15 degrees, and facet vertices whose return would split a chord next to one.
 
     Angles between two chords are left aside. Of a narrow cell's longest chord that spans several facet edges (the first
-    of equals) the vertex nearest to the corner opposite is to return.
+    of equals) the vertex nearest to the corner opposite is to return; where it has none, of such chords at its corners
+    the vertex whose distance to the farthest corner is least.
     """
     site_of = {int(s): k for k, s in enumerate(level.sites)}
     chord_of: dict[Edge, int] = {}
@@ -243,6 +244,13 @@ def narrow_cells(domain: Domain, points: Floats, choice: Choice, level: Triangul
             k = min(split, key=lambda k: (-length[k], chords[k]))
             inner = piece(domain, choice.chords[chords[k]])[1:-1]
             away = distance(domain.points[inner], p[k - 1])
+            back.add(int(min(zip(away, inner, strict=True))[1]))
+            continue
+        ends = {int(level.sites[s]) for s in cell}
+        long = [chord for chord in choice.chords if chord.splits and not ends.isdisjoint(chord.vertices)]
+        inner = [v for chord in long for v in piece(domain, chord)[1:-1]]
+        if inner:
+            away = np.max([distance(domain.points[inner], corner) for corner in p], axis=0)
             back.add(int(min(zip(away, inner, strict=True))[1]))
     return narrow, back
 

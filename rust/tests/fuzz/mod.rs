@@ -17,6 +17,7 @@ use _core::level::Rules;
 use _core::progress::Progress;
 use random::Random;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 use topology::facet_rows;
 
@@ -25,9 +26,6 @@ const SLOW: Duration = Duration::from_secs(1);
 
 /// What a level of it may take then.
 const SLOW_LEVEL: Duration = Duration::from_millis(100);
-
-/// How often a slow one is tried again.
-const TRIES: usize = 4;
 
 /// A triangle mesh as a user gives it: cells counter-clockwise, given facets with tags.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -81,29 +79,30 @@ fn options(random: &mut Random) -> Options {
     }
 }
 
+/// What this thread has worked so far; where the system does not tell, what time has passed.
+fn busy() -> Duration {
+    static BEGUN: LazyLock<Instant> = LazyLock::new(Instant::now);
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = text.and_then(|text| text.split(' ').next()?.parse().ok());
+    nanoseconds.map_or_else(|| BEGUN.elapsed(), Duration::from_nanos)
+}
+
 /// What went wrong, in the terms of the rule that broke; `None` where nothing did.
 pub fn failure(plane: &Plane, options: Options) -> Option<String> {
     let (progress, facets) = (Progress::default(), facet_rows(plane));
     let input = Input { points: &plane.points, facets: &facets, spacing: None, cells: CellRows::Short(&plane.cells) };
-    let begun = Instant::now();
+    let begun = busy();
     let longest = |levels: usize| SLOW.max(SLOW_LEVEL * levels as u32);
-    // a busy machine is no fault of ours
-    let again = || {
-        let run = || {
-            let begun = Instant::now();
-            let _ = hierarchy(&input, options, &progress);
-            begun.elapsed()
-        };
-        (0..TRIES).map(|_| run()).min().unwrap_or_default()
-    };
-    match catch_unwind(AssertUnwindSafe(|| hierarchy(&input, options, &progress))) {
+    let made = catch_unwind(AssertUnwindSafe(|| hierarchy(&input, options, &progress)));
+    let took = busy().saturating_sub(begun);
+    match made {
         Err(panic) => {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             Some(format!("panic: {}", text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("?")))
         }
         Ok(Err(error)) => Some(format!("error: {error}")),
-        Ok(Ok((levels, ..))) if begun.elapsed() > longest(levels.len()) && again() > longest(levels.len()) => {
-            Some(format!("slow: {:?} for {} levels", begun.elapsed(), levels.len()))
+        Ok(Ok((levels, ..))) if took > longest(levels.len()) => {
+            Some(format!("slow: {took:?} for {} levels", levels.len()))
         }
         Ok(Ok((levels, ..))) => catch_unwind(AssertUnwindSafe(|| oracle::check(plane, options, &levels)))
             .unwrap_or_else(|_| Some("oracle: panic".into())),

@@ -261,6 +261,12 @@ pub fn is_legal(plane: &Plane) -> bool {
         && plane.given.iter().all(|&(edge, _)| is_edge(edge))
         && !is_soup(plane, &map)
         && geometry_fault(&plane.points, &plane.cells).is_none()
+        && geometry_fault(&flushed(&plane.points), &plane.cells).is_none()
+}
+
+/// The points as the triangulator takes them: magnitudes under 1.8e-43 are zero to it, and a mesh that lives on them is none.
+fn flushed(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    points.iter().map(|p| p.map(|x| if x.abs() < spade::MIN_ALLOWED_VALUE { 0.0 } else { x })).collect()
 }
 
 /// Whether some cell has all three edges doubled.
