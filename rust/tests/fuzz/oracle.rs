@@ -141,6 +141,8 @@ fn distance(p: [f64; 2], q: [f64; 2]) -> f64 {
 }
 
 fn segment_distance(x: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
+    // from the nearer end, or rounding hides what is small against the segment
+    let (a, b) = if distance(x, a) <= distance(x, b) { (a, b) } else { (b, a) };
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let t = (((x[0] - a[0]) * dx + (x[1] - a[1]) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
     distance(x, [a[0] + t * dx, a[1] + t * dy])
