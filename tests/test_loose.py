@@ -16,6 +16,7 @@ from coarsen import galerkin, loose, multigrid, transfer
 from test_multigrid import held
 
 SEED = 3
+NONE = np.empty(0, np.int64)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def of_one_kind(n):
 def test_every_loose_unknown_is_coarse_or_strongly_coupled_to_one_that_is():
     A = multigrid.laplacian(coarsen.gallery.square(400, seed=SEED))
     n = A.shape[0]
-    P, own = loose.extended(A, no_values(n, 0), np.ones(n, dtype=bool), of_one_kind(n), False)
+    P, own = loose.extended(A, no_values(n, 0), NONE, np.ones(n, dtype=bool), of_one_kind(n), False)
     assert P.shape == (n, len(own))
     assert len(own) < n / 2
     is_own = np.isin(np.arange(n), own)
@@ -69,11 +70,15 @@ def test_every_loose_unknown_is_coarse_or_strongly_coupled_to_one_that_is():
 def test_constants_are_interpolated_exactly_unless_zeros_are_near():
     mesh = coarsen.gallery.square(400, seed=SEED)
     A = multigrid.laplacian(mesh)
-    P, _ = loose.extended(A, no_values(A.shape[0], 0), np.ones(A.shape[0], dtype=bool), of_one_kind(A.shape[0]), False)
+    P, _ = loose.extended(
+        A, no_values(A.shape[0], 0), NONE, np.ones(A.shape[0], dtype=bool), of_one_kind(A.shape[0]), False
+    )
     np.testing.assert_allclose(P.sum(axis=1), 1.0, atol=1e-12)
     free = held(mesh, "whole")
     A = transfer.reduced(A, free, free)
-    P, _ = loose.extended(A, no_values(A.shape[0], 0), np.ones(A.shape[0], dtype=bool), of_one_kind(A.shape[0]), False)
+    P, _ = loose.extended(
+        A, no_values(A.shape[0], 0), NONE, np.ones(A.shape[0], dtype=bool), of_one_kind(A.shape[0]), False
+    )
     sums = np.asarray(P.sum(axis=1)).ravel()
     near = np.asarray(A.sum(axis=1)).ravel() > 1e-10
     assert sums[near].mean() < 0.9
@@ -85,7 +90,7 @@ def test_interpolation_tends_to_the_solution_of_the_rows():
     n = 13
     given = csr_matrix((np.ones(5), (np.arange(0, n, 3), np.arange(5))), shape=(n, 5))
     loose_ones = np.arange(n) % 3 > 0
-    P, own = loose.extended(on_a_line(n), given, loose_ones, of_one_kind(n), False)
+    P, own = loose.extended(on_a_line(n), given, np.arange(0, n, 3), loose_ones, of_one_kind(n), False)
     assert len(own) == 0
     np.testing.assert_allclose(P @ np.arange(0, n, 3), np.arange(n), atol=0.05)
 
@@ -95,7 +100,7 @@ def test_unknowns_of_two_kinds_are_not_interpolated_from_each_other():
     n = A.shape[0]
     two = csr_matrix(np.kron(A.toarray(), [[2.0, -0.5], [-0.5, 1.0]]))
     kind = np.tile([0, 1], n)
-    P, own = loose.extended(two, no_values(2 * n, 0), np.ones(2 * n, dtype=bool), kind, False)
+    P, own = loose.extended(two, no_values(2 * n, 0), NONE, np.ones(2 * n, dtype=bool), kind, False)
     rows, columns = P.nonzero()
     assert (kind[rows] == kind[own][columns]).all()
 
@@ -104,8 +109,8 @@ def test_columns_hang_together_around_their_own_unknown():
     mesh = combs()
     h, A = coarsen.hierarchy(mesh, features="drop"), multigrid.laplacian(mesh)
     found = transfer.locate(h, 0, len(h) - 1)
-    kept = loose.hanging_together(A, found.matrix, np.zeros(mesh.n_points, dtype=bool))
     fine_of = transfer.shared_nodes(h, 0, len(h) - 1)
+    kept = loose.hanging_together(A, found.matrix, fine_of)
     by_column, before = kept.tocsc(), found.matrix.tocsc()
     cut = 0
     for j, own in enumerate(fine_of):
@@ -115,14 +120,14 @@ def test_columns_hang_together_around_their_own_unknown():
         cut += len(given) - len(expected)
         assert sorted(by_column.indices[by_column.indptr[j] : by_column.indptr[j + 1]]) == sorted(expected)
     assert cut > 0
-    sums = np.asarray(kept.sum(axis=1)).ravel()
-    assert ((np.abs(sums - 1) < 1e-12) | (sums == 0)).all()
+    assert (kept.data > 0).all()
 
 
 def test_cells_are_cut_where_the_boundary_runs_through_them(coast):
     mesh, h, _ = coast
     found = transfer.locate(h, 0, 3)
-    cut = loose.in_cut_cells(mesh, found.matrix, h[3].mesh)
+    walls = np.isin(np.arange(mesh.n_points), mesh.boundary_facets)
+    cut = loose.in_cut_cells(walls, found.matrix)
     rows = [
         tuple(found.matrix.indices[s:e]) for s, e in zip(found.matrix.indptr, found.matrix.indptr[1:], strict=False)
     ]
@@ -140,7 +145,20 @@ def test_waters_that_a_closed_wall_parts_stay_apart(kind):
     solver = multigrid.solver(multigrid.laplacian(mesh), h, held(mesh, kind))
     norms = []
     solver.solve(np.random.default_rng(SEED).normal(size=held(mesh, kind).sum()), residuals=norms)
-    assert len(norms) - 1 <= 10
+    assert len(norms) - 1 <= 13
+
+
+def test_edges_without_couplings_are_seen():
+    mesh = coarsen.gallery.square(200, seed=SEED)
+    A = multigrid.laplacian(mesh).tolil()
+    a, b = mesh.cells[10, :2]
+    A[a, b] = A[b, a] = 0.0
+    A = A.tocsr()
+    A.eliminate_zeros()
+    out = loose.with_uncoupled_edge(mesh, A, np.arange(mesh.n_points))
+    apart = {int(i) for cell in mesh.cells for i in cell for j in cell if A[i, j] == 0}
+    assert {int(a), int(b)} <= apart
+    assert set(np.flatnonzero(out).tolist()) == apart
 
 
 @pytest.mark.parametrize("kind", ["whole", "part", "one"])
@@ -158,14 +176,14 @@ def test_few_steps_solve_on_seas_with_natural_coasts(meshes, name):
     solver = multigrid.solver(multigrid.laplacian(mesh), coarsen.hierarchy(mesh, features="auto"), held(mesh, "one"))
     norms = []
     solver.solve(np.random.default_rng(SEED).normal(size=mesh.n_points - 1), residuals=norms)
-    assert len(norms) - 1 <= 16
+    assert len(norms) - 1 <= 12
 
 
 def test_arguments_that_do_not_fit_are_refused():
     core = coarsen.backend.backend("rust")
     A = on_a_line(4)
     with pytest.raises(ValueError, match="sizes 4, 4, 4, 3, 4"):
-        core.extended(A, no_values(4, 1), np.ones(3, dtype=bool), of_one_kind(4))
+        core.extended(A, no_values(4, 1), np.zeros(4, dtype=bool), np.ones(3, dtype=bool), of_one_kind(4))
 
 
 def test_stages_on_dropped_levels_are_galerkins(coast):

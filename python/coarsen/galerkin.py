@@ -112,11 +112,19 @@ def stages(
         columns &= np.bincount(whole_p[rows].indices, minlength=len(columns)) > 0
         prolongation = transfer.reduced(whole_p, rows, columns)
         component_coarse = np.tile(np.arange(block_size), len(columns) // block_size)[columns]
+        own = _own_unknowns(transfer.shared_nodes(hierarchy, i, j), rows, columns)
         if operators is None:
-            nodes = loose.unserved(hierarchy, i, j, found, DEEP)
+            unknown = np.where(rows, np.cumsum(rows) - 1, -1)[::block_size]
+            nodes = loose.unserved(hierarchy, (i, j), found, DEEP, matrix, unknown)
             prolongation, more = loose.extended(
-                matrix, prolongation, np.repeat(nodes, block_size)[rows], component, hierarchy[j].dropped is not None
+                matrix,
+                prolongation,
+                own,
+                np.repeat(nodes, block_size)[rows],
+                component,
+                hierarchy[j].dropped is not None,
             )
+            own = np.concatenate([own, more])
             component = np.concatenate([component_coarse, component[more]])
             core = backend(hierarchy.options.backend)
             # moving an entry between two unknowns of different kinds to the diagonal would change more than its size
@@ -128,7 +136,9 @@ def stages(
             component = component_coarse
             restriction = prolongation.T.tocsr()
             coarse = transfer.reduced(as_csr(operators(j, hierarchy[j].mesh)), columns, columns)
-        made.append((i, matrix, prolongation, restriction, backend("rust").slow(matrix, prolongation, SLOW)))
+        coarse_ones = np.zeros(matrix.shape[0], dtype=bool)
+        coarse_ones[own[own >= 0]] = True
+        made.append((i, matrix, prolongation, restriction, backend("rust").slow(matrix, coarse_ones, SLOW)))
         matrix, i = coarse, j
     made.append((i, matrix, None, None, None))
     gauge = None
@@ -141,6 +151,15 @@ def stages(
     gauges = [gauge] + [None] * (len(made) - 1)
     whole_stages = ((*stage, own) for stage, own in zip(made, gauges, strict=True))
     return [Stage(*stage) for stage in whole_stages]
+
+
+def _own_unknowns(place: NDArray[np.int64], rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return, for each coarse unknown, the fine one that it is, or -1; from the places of coarse nodes."""
+    block_size = len(columns) // len(place)
+    fine = np.where(place < 0, -1, place * block_size)[:, None] + np.arange(block_size)
+    fine = np.where((place < 0)[:, None], -1, fine).ravel()[columns]
+    number = np.where(rows, np.cumsum(rows) - 1, -1)
+    return np.where(fine < 0, -1, number[fine])
 
 
 def _next_level(hierarchy: Hierarchy, i: int, unknowns: int, held: NDArray[np.bool_], block_size: int) -> int | None:

@@ -32,25 +32,48 @@ if TYPE_CHECKING:
     from coarsen.transfer import Located
 
 
-def unserved(hierarchy: Hierarchy, fine: int, coarse: int, found: Located, deep: float) -> NDArray[np.bool_]:
-    """Say which nodes of level `fine` lie over `deep` spacings outside of level `coarse`, or in a cut cell of it."""
-    mesh = hierarchy[fine].mesh
-    out = np.zeros(mesh.n_points, dtype=bool)
-    out[found.outside[found.distance > deep * hierarchy[fine].spacing[found.outside]]] = True
-    if hierarchy[coarse].dropped is not None:
-        out |= in_cut_cells(mesh, found.matrix, hierarchy[coarse].mesh)
+def unserved(
+    hierarchy: Hierarchy,
+    levels: tuple[int, int],
+    found: Located,
+    deep: float,
+    matrix: csr_matrix,
+    unknown: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Say which nodes of the finer of two levels its coarser one does not serve.
+
+    They lie over `deep` spacings outside of it, or in one of its cells that covers what is parted for the matrix.
+    `unknown` is the row of each finer node in the matrix, or -1.
+    """
+    fine, coarse = (hierarchy[i] for i in levels)
+    out = np.zeros(fine.mesh.n_points, dtype=bool)
+    out[found.outside[found.distance > deep * fine.spacing[found.outside]]] = True
+    if coarse.dropped is not None:
+        walls = np.zeros(fine.mesh.n_points, dtype=bool)
+        walls[fine.mesh.boundary_facets] = True
+        if fine.dropped is not None:
+            walls |= with_uncoupled_edge(fine.mesh, matrix, unknown)
+        out |= in_cut_cells(walls, found.matrix)
     return out
 
 
-def in_cut_cells(mesh: Mesh, prolongation: csr_matrix, coarse: Mesh) -> NDArray[np.bool_]:
-    """Say which nodes lie in cells of a coarser mesh that the boundary of their own mesh runs through."""
+def with_uncoupled_edge(mesh: Mesh, matrix: csr_matrix, unknown: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Say which nodes have an edge to one that they are not coupled to: over land that an earlier level closed."""
+    ends = np.concatenate([mesh.cells[:, [k, (k + 1) % 3]] for k in range(3)])
+    ends = ends[(unknown[ends] >= 0).all(axis=1)]
+    apart = np.asarray(matrix[unknown[ends[:, 0]], unknown[ends[:, 1]]]).ravel() == 0
+    out = np.zeros(mesh.n_points, dtype=bool)
+    out[ends[apart]] = True
+    return out
+
+
+def in_cut_cells(walls: NDArray[np.bool_], prolongation: csr_matrix) -> NDArray[np.bool_]:
+    """Say which nodes lie in coarse cells that also hold a node of `walls`."""
     inside = np.flatnonzero(np.diff(prolongation.indptr) == 3)
     corners = prolongation.indices[prolongation.indptr[inside][:, None] + np.arange(3)].astype(np.int64)
     _, cell = np.unique(corners, axis=0, return_inverse=True)
-    on_boundary = np.zeros(mesh.n_points, dtype=bool)
-    on_boundary[mesh.boundary_facets] = True
-    cut = np.zeros(mesh.n_points, dtype=bool)
-    cut[inside] = np.isin(cell, cell[on_boundary[inside]])
+    cut = np.zeros(len(walls), dtype=bool)
+    cut[inside] = np.isin(cell, cell[walls[inside]])
     return cut
 
 
@@ -87,6 +110,7 @@ def _tag_bits(mesh: Mesh, bit_of_cell: NDArray[np.int64]) -> NDArray[np.int64]:
 def extended(
     matrix: csr_matrix,
     prolongation: csr_matrix,
+    own: NDArray[np.int64],
     loose: NDArray[np.bool_],
     component: NDArray[np.int64],
     dropped: bool,
@@ -98,6 +122,8 @@ def extended(
     matrix : (n, n) csr_matrix
     prolongation : (k, m) csr_matrix
         For the unknowns at nodes, which come first.
+    own : (m,) int64 array
+        The unknown that each coarse one is, or -1 where it is none.
     loose : (k,) bool array
         Those of them that the coarse mesh does not serve; all after the first k are loose.
     component : (n,) int64 array
@@ -119,40 +145,40 @@ def extended(
     if more:
         prolongation = vstack([prolongation, csr_matrix((more, prolongation.shape[1]))], format="csr")
         loose = np.concatenate([loose, np.ones(more, dtype=bool)])
+    coarse = np.zeros(len(loose), dtype=bool)
+    coarse[own[own >= 0]] = True
+    # what a coarse unknown is itself is never loose
+    loose = loose & ~coarse
     if dropped:
-        before = np.diff(prolongation.indptr) > 0
-        prolongation = hanging_together(matrix, prolongation, loose)
-        loose = loose | (before & (np.diff(prolongation.indptr) == 0))
+        before = np.diff(prolongation.indptr)
+        prolongation = hanging_together(matrix, prolongation, own)
+        loose |= np.diff(prolongation.indptr) < before
     if not loose.any():
         return prolongation, np.empty(0, np.int64)
-    rows, own = backend("rust").extended(matrix, prolongation, loose, component)
-    return wrapped(rows, prolongation.shape[1] + len(own)), own
+    rows, added = backend("rust").extended(matrix, prolongation, coarse, loose, component)
+    return wrapped(rows, prolongation.shape[1] + len(added)), added
 
 
-def hanging_together(matrix: csr_matrix, prolongation: csr_matrix, loose: NDArray[np.bool_]) -> csr_matrix:
-    """Return a prolongation whose columns hang together, by couplings, around the unknown that the coarse one is.
+def hanging_together(matrix: csr_matrix, prolongation: csr_matrix, own: NDArray[np.int64]) -> csr_matrix:
+    """Return a prolongation without the weights of unknowns that hang not together with the one that is the coarse one.
 
-    Its rows sum to what they did, or are empty. Columns of coarse unknowns that are no fine ones stay.
+    They hang together if couplings lead from one to the other, over unknowns that take values from the same coarse one.
+    Columns of coarse unknowns that are no fine ones (`own` is -1) stay.
     """
     from scipy.sparse import csr_matrix, diags
 
     shape = prolongation.shape
-    single = np.flatnonzero((np.diff(prolongation.indptr) == 1) & ~loose)
-    single = single[prolongation.data[prolongation.indptr[single]] == 1.0]
-    own = prolongation.indices[prolongation.indptr[single]]
+    known = np.flatnonzero(own >= 0)
     pattern = csr_matrix((np.ones(prolongation.nnz), prolongation.indices, prolongation.indptr), shape=shape)
     near = csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
-    other = (~np.isin(np.arange(shape[1]), own)).astype(float)
-    reached = csr_matrix((np.ones(len(own)), (single, own)), shape=shape) + pattern @ diags(other)
+    reached = csr_matrix((np.ones(len(known)), (own[known], known)), shape=shape)
+    reached = (reached + pattern @ diags((own < 0).astype(float))).multiply(pattern).tocsr()
     reached.eliminate_zeros()
     count = -1
     while reached.nnz > count:
         count = reached.nnz
         reached = (near @ reached).multiply(pattern).tocsr()
         reached.data[:] = 1.0
-    sums = np.asarray(prolongation.sum(axis=1)).ravel()
     kept = prolongation.multiply(reached).tocsr()
-    now = np.asarray(kept.sum(axis=1)).ravel()
-    kept = (diags(np.divide(sums, now, out=np.ones_like(now), where=now > 0)) @ kept).tocsr()
     kept.sort_indices()
     return kept

@@ -114,19 +114,26 @@ fn py_extended<'py>(
     py: Python<'py>,
     a: PyRows<'py>,
     p: PyRows<'py>,
+    coarse: PyReadonlyArray1<'py, bool>,
     loose: PyReadonlyArray1<'py, bool>,
     component: PyReadonlyArray1<'py, i64>,
 ) -> PyResult<(Matrix<'py>, Indices<'py>)> {
-    let (a, p, marks, component) = (a.view("A")?, p.view("P")?, loose.as_slice()?, component.as_slice()?);
-    let (made, own) = py.detach(|| loose::extended(a, p, marks, component))?;
+    let (a, p, coarse, marks) = (a.view("A")?, p.view("P")?, coarse.as_slice()?, loose.as_slice()?);
+    let component = component.as_slice()?;
+    let (made, own) = py.detach(|| loose::extended(a, p, coarse, marks, component))?;
     Ok((matrix(py, made), own.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py)))
 }
 
-/// Unknowns of whose errors a cycle with the prolongation `p` leaves more than `left` where it relaxes alone.
+/// Unknowns of whose errors relaxation between the coarse ones leaves more than `left`.
 #[pyfunction(name = "slow")]
-fn py_slow<'py>(py: Python<'py>, a: PyRows<'py>, p: PyRows<'py>, left: f64) -> PyResult<Indices<'py>> {
-    let (a, p) = (a.view("A")?, p.view("P")?);
-    let made = py.detach(|| slow::slow(a, p, left))?;
+fn py_slow<'py>(
+    py: Python<'py>,
+    a: PyRows<'py>,
+    coarse: PyReadonlyArray1<'py, bool>,
+    left: f64,
+) -> PyResult<Indices<'py>> {
+    let (a, coarse) = (a.view("A")?, coarse.as_slice()?);
+    let made = py.detach(|| slow::slow(a, coarse, left))?;
     Ok(made.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py))
 }
 

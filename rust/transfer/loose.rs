@@ -27,12 +27,18 @@ type Weights = Vec<(i32, f64)>;
 
 /// Interpolation with the loose rows of `p` made anew, and the loose unknowns that are its additional, last columns.
 ///
-/// Unknowns are interpolated from those of the same component only. Runtime: O(entries of the loose rows and of what they
-/// are coupled to).
-pub fn extended(a: RowsRef<'_>, p: RowsRef<'_>, loose: &[bool], component: &[i64]) -> Result<(Rows, Vec<u32>), Error> {
+/// `coarse` marks the unknowns that the columns of `p` are. Unknowns are interpolated from those of the same component
+/// only. Runtime: O(entries of the loose rows and of what they are coupled to).
+pub fn extended(
+    a: RowsRef<'_>,
+    p: RowsRef<'_>,
+    coarse: &[bool],
+    loose: &[bool],
+    component: &[i64],
+) -> Result<(Rows, Vec<u32>), Error> {
     let n = a.len();
-    if a.columns != n || p.len() != n || loose.len() != n || component.len() != n {
-        let sizes = format!("{n}, {}, {}, {}, {}", a.columns, p.len(), loose.len(), component.len());
+    if [a.columns, p.len(), coarse.len(), loose.len(), component.len()] != [n; 5] {
+        let sizes = format!("{n}, {}, {}, {}, {}", p.len(), coarse.len(), loose.len(), component.len());
         return Err(Error::Argument(format!("the sizes {sizes} of a matrix and what belongs to it differ")));
     }
     let couplings = |i: usize| {
@@ -40,7 +46,7 @@ pub fn extended(a: RowsRef<'_>, p: RowsRef<'_>, loose: &[bool], component: &[i64
         let all = columns.iter().zip(values).map(|(&j, &value)| (j as usize, value));
         all.filter(move |&(j, _)| j != i && component[j] == component[i])
     };
-    let own: Vec<u32> = coarse_ones(p, loose, |i| a.row(i).1.iter().sum(), couplings);
+    let own: Vec<u32> = coarse_ones(coarse, loose, |i| a.row(i).1.iter().sum(), couplings);
     let mut made: Vec<Weights> = (0..n)
         .map(|i| {
             let (columns, values) = if loose[i] { (&[][..], &[][..]) } else { p.row(i) };
@@ -86,14 +92,14 @@ pub fn extended(a: RowsRef<'_>, p: RowsRef<'_>, loose: &[bool], component: &[i64
 
 /// Loose unknowns, by index, that are strongly coupled to no coarse one, nor to what is held.
 fn coarse_ones<C: Iterator<Item = (usize, f64)>>(
-    p: RowsRef<'_>,
+    coarse: &[bool],
     loose: &[bool],
     row_sum: impl Fn(usize) -> f64,
     couplings: impl Fn(usize) -> C,
 ) -> Vec<u32> {
-    let mut coarse: Vec<bool> = (0..p.len()).map(|i| !loose[i] && p.row(i).1 == [1.0]).collect();
+    let mut coarse: Vec<bool> = coarse.iter().zip(loose).map(|(&coarse, &loose)| coarse && !loose).collect();
     let mut chosen = Vec::new();
-    for i in (0..p.len()).filter(|&i| loose[i]) {
+    for i in (0..loose.len()).filter(|&i| loose[i]) {
         let strongest = couplings(i).map(|(_, value)| -value).fold(0.0, f64::max);
         let served = couplings(i).any(|(j, value)| coarse[j] && -value >= STRONG * strongest && value < 0.0);
         if !served && row_sum(i) < STRONG * strongest {

@@ -10,12 +10,13 @@ use crate::error::Error;
 const SWEEPS: usize = 2;
 
 /// The unknowns, ascending, where more than `left` of the errors is left. Runtime: O(entries), one thread.
-pub fn slow(a: RowsRef<'_>, p: RowsRef<'_>, left: f64) -> Result<Vec<u32>, Error> {
+pub fn slow(a: RowsRef<'_>, coarse: &[bool], left: f64) -> Result<Vec<u32>, Error> {
     let n = a.len();
-    if a.columns != n || p.len() != n {
-        return Err(Error::Argument(format!("'A' has {n} rows and {} columns, 'P' {} rows", a.columns, p.len())));
+    if a.columns != n || coarse.len() != n {
+        let sizes = format!("{n} rows and {} columns, 'coarse' {} entries", a.columns, coarse.len());
+        return Err(Error::Argument(format!("'A' has {sizes}")));
     }
-    let free = |&i: &usize| p.row(i).1 != [1.0];
+    let free = |&i: &usize| !coarse[i];
     let mut e: Vec<f64> = (0..n).map(|i| f64::from(u8::from(free(&i)))).collect();
     let mut relax = |i: usize| {
         let (columns, values) = a.row(i);
