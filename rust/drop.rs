@@ -110,7 +110,7 @@ pub fn select(
     let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
     let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
     let (interior, _) = select_interior(domain, candidates, f, seeds, &seeded, &kept, &chords, rules, progress)?;
-    Ok(Choice { kept, interior, chords, held: Vec::new() })
+    Ok(Choice { kept, interior, chords, ..Choice::default() })
 }
 
 /// The input as the settling of levels sees it.

@@ -13,7 +13,7 @@
 use crate::domain::{Domain, FacetRow};
 use crate::drop::Dropped;
 use crate::error::Error;
-use crate::guard::{Guard, Scene, better};
+use crate::guard::{Guard, Outcome, Scene, better};
 use crate::kdtree::KdTree;
 use crate::level::{
     Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, narrow_cells, select, triangulate,
@@ -577,16 +577,25 @@ impl Builder<'_> {
         };
         if let Some(min_angle) = self.options.min_angle {
             self.progress.enter(4, 1)?;
-            let seeds: Vec<u32> = seeds.interior.iter().map(|&node| self.candidate_of[node as usize]).collect();
-            let scene =
-                Scene { domain: self.domain, candidates: &pool.candidates, f: &f, places: &places, seeds: &seeds };
+            let mut kept = seeds.kept.clone();
+            kept.resize(self.domain.len(), false);
+            let interior: Vec<u32> = seeds.interior.iter().map(|&node| self.candidate_of[node as usize]).collect();
+            let (candidates, surplus) = (&pool.candidates, seeds.surplus);
+            let scene = Scene {
+                domain: self.domain,
+                candidates,
+                f: &f,
+                places: &places,
+                kept: &kept,
+                seeds: &interior,
+                surplus,
+            };
             let rules = self.options.rules;
             let slope = if self.options.method == Method::Threshold { 1.0 } else { rules.gradation };
             let room = (1.0 / self.options.factor).max(0.5);
             let guard = Guard { min_angle, beta: rules.beta, slope, room };
-            let (better, crowded) = better(&scene, guard, level, candidate);
-            level = better;
-            choice.interior = level.sites.iter().filter_map(|&site| site.checked_sub(facets)).collect();
+            let (better, Outcome { crowded, surplus }) = better(&scene, guard, &level, &mut choice, candidate);
+            (level, choice.surplus) = (better, surplus);
             lower(&pool.candidates, &mut f, &crowded, self.options.rules.gradation);
             choice.held.extend(crowded.iter().map(|&(k, room)| (pool.candidates.nodes[k as usize], room)));
         }

@@ -65,6 +65,8 @@ pub struct Choice {
     pub chords: Vec<Chord>,
     /// Nodes that hold f down, and what they hold it under, on this level and the coarser ones.
     pub held: Vec<(u32, f64)>,
+    /// Nodes that the quality guard added, here and on the coarser levels.
+    pub surplus: i64,
 }
 
 impl Choice {
@@ -120,7 +122,7 @@ pub fn select(
     };
 
     let (interior, places) = select_interior(domain, candidates, f, seeds, &seeded, &kept, &chords, rules, progress)?;
-    Ok((Choice { kept, interior, chords, held }, places))
+    Ok((Choice { kept, interior, chords, held, surplus: 0 }, places))
 }
 
 /// Steps (4) and (5): the seeds' interior nodes and those selected after them and the kept facet vertices, and the places
@@ -250,7 +252,7 @@ pub fn near_facets(
 }
 
 /// Calls `found` with every candidate in the tree nodes that are `wanted`.
-fn each_in(tree: &KdTree<2>, wanted: impl Fn(usize) -> bool, mut found: impl FnMut(usize)) {
+pub(crate) fn each_in(tree: &KdTree<2>, wanted: impl Fn(usize) -> bool, mut found: impl FnMut(usize)) {
     tree.search(
         1.0,
         |node| if wanted(node) { 0.0 } else { 2.0 },

@@ -58,7 +58,7 @@ pub fn hierarchy(
         let obstacles: Vec<Point<2>> = interior.iter().map(|&node| points[node as usize]).collect();
         let chords = thin.repair(&mut kept, &obstacles, false);
         progress.enter(3, 1)?;
-        let mut choice = Choice { kept, interior, chords, held: Vec::new() };
+        let mut choice = Choice { kept, interior, chords, ..Choice::default() };
         let level = triangulate(&thin, points, &mut choice)?;
         let mesh = assemble(&thin, &choice, &level)?;
         if options.levels.is_none() && mesh.cells.len() as f64 > STALL * cells.len() as f64 {

@@ -123,7 +123,8 @@ impl Domain {
         chords
     }
 
-    fn chord(&self, c: u32, from: u32, to: u32) -> Chord {
+    /// The chord of a chain between two positions.
+    pub(crate) fn chord(&self, c: u32, from: u32, to: u32) -> Chord {
         let chain = &self.chains[c as usize];
         let vertices = [chain.vertex(from), chain.vertex(to)];
         let (a, b) = (&self.points[vertices[0] as usize], &self.points[vertices[1] as usize]);
@@ -267,7 +268,8 @@ impl Domain {
         (0u32..).zip(chords).filter(|(_, chord)| self.is_joined(chord)).map(|(i, _)| i)
     }
 
-    fn is_joined(&self, chord: &Chord) -> bool {
+    /// Whether a chord of a slit has the same nodes on both sides.
+    pub(crate) fn is_joined(&self, chord: &Chord) -> bool {
         let chain = &self.chains[chord.chain as usize];
         let (first, last) = (chain.edge(chord.from), chain.edge(chord.to - 1));
         let [a, b] = [first.sides[0].tail, last.sides[0].head];

@@ -8,46 +8,51 @@ use crate::triangulation::Cells;
 use rayon::prelude::*;
 
 /// Steps of a walk after which a point counts as not found.
-const MOST_STEPS: usize = 256;
+pub(super) const MOST_STEPS: usize = 256;
 
 #[derive(Clone, Copy, PartialEq)]
-struct Cell {
-    corners: [u32; 3],
-    neighbours: [u32; 3],
-    constraints: [u32; 3],
+pub(super) struct Cell {
+    pub(super) corners: [u32; 3],
+    pub(super) neighbours: [u32; 3],
+    pub(super) constraints: [u32; 3],
 }
 
-const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
+pub(super) const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
 
 /// An edge of a cavity or hole, seen from inside: ends, cell behind it, constraint on it.
 #[derive(Clone, Copy)]
-struct Rim {
-    ends: [u32; 2],
-    behind: u32,
-    constraint: u32,
+pub(super) struct Rim {
+    pub(super) ends: [u32; 2],
+    pub(super) behind: u32,
+    pub(super) constraint: u32,
 }
 
 /// The triangulation (see the module).
 pub struct Patch {
-    points: Vec<Point<2>>,
+    pub(super) points: Vec<Point<2>>,
     names: Vec<u32>,
-    cells: Vec<Cell>,
+    pub(super) cells: Vec<Cell>,
     /// A cell at each point.
-    at: Vec<u32>,
-    /// Cells as they were before the change at hand, and their number then.
+    pub(super) at: Vec<u32>,
+    /// Cells as they were before the changes at hand.
     saved: Vec<(u32, Cell)>,
     saved_at: Vec<(u32, u32)>,
-    first_new: usize,
+    /// What `saved`, `saved_at` and `cells` held before each of the changes at hand.
+    before: Vec<[usize; 3]>,
     /// Whether a cell is in `saved`, by the number of the change.
     stamp: Vec<u32>,
     change: u32,
     mark: Vec<u32>,
     marks: u32,
+    /// The cell on each side of each chord: 2 c is left of chord c, 2 c + 1 right of it.
+    pub(super) beside: Vec<u32>,
+    /// Whether a chord runs where the level had none before: its angles count.
+    pub(super) is_fresh: Vec<bool>,
 }
 
 impl Patch {
-    /// Takes over cells; `names` break ties.
-    pub fn new(points: Vec<Point<2>>, names: Vec<u32>, cells: &Cells) -> Patch {
+    /// Takes over cells beside a number of chords; `names` break ties.
+    pub fn new(points: Vec<Point<2>>, names: Vec<u32>, cells: &Cells, chords: usize) -> Patch {
         let count = cells.cells.len();
         let cell = |t: usize| Cell {
             corners: cells.cells[t],
@@ -65,13 +70,17 @@ impl Patch {
             at,
             saved: Vec::new(),
             saved_at: Vec::new(),
-            first_new: count,
+            before: Vec::new(),
             stamp: vec![0; count],
             change: 0,
             mark: vec![0; count],
             marks: 0,
+            beside: vec![NONE; 2 * chords],
+            is_fresh: vec![false; chords],
         };
-        patch.begin();
+        for t in 0..count {
+            patch.register(t as u32);
+        }
         patch.break_ties();
         patch
     }
@@ -139,44 +148,82 @@ impl Patch {
         self.at.pop();
     }
 
-    /// Starts a change.
-    pub fn begin(&mut self) {
+    /// Keeps the changes at hand for good.
+    pub fn keep(&mut self) {
         self.saved.clear();
         self.saved_at.clear();
-        self.first_new = self.cells.len();
+        self.before.clear();
+    }
+
+    /// Starts a change, after those at hand.
+    pub fn begin(&mut self) {
+        self.before.push([self.saved.len(), self.saved_at.len(), self.cells.len()]);
         self.change += 1;
     }
 
-    /// Undoes the change at hand.
+    /// Undoes the last of the changes at hand.
     pub fn roll_back(&mut self) {
-        for &(t, cell) in self.saved.iter().rev() {
+        let Some([saved, saved_at, cells]) = self.before.pop() else { return };
+        while self.saved.len() > saved
+            && let Some((t, cell)) = self.saved.pop()
+        {
             self.cells[t as usize] = cell;
+            self.register(t);
         }
-        for &(v, t) in self.saved_at.iter().rev() {
+        for (v, t) in self.saved_at.drain(saved_at..).rev() {
             self.at[v as usize] = t;
         }
-        self.cells.truncate(self.first_new);
-        self.stamp.truncate(self.first_new);
-        self.mark.truncate(self.first_new);
-        self.begin();
+        self.cells.truncate(cells);
+        self.stamp.truncate(cells);
+        self.mark.truncate(cells);
+        self.change += 1;
     }
 
-    /// Cells that the change at hand made, or made anew.
-    pub fn made(&self) -> impl Iterator<Item = u32> {
-        let changed =
-            self.saved.iter().filter(|(t, old)| self.cells[*t as usize].corners != old.corners).map(|&(t, _)| t);
-        changed.chain(self.first_new as u32..self.cells.len() as u32).filter(|&t| self.cells[t as usize] != DEAD)
+    /// Cells that the changes at hand took away, as they were, and those they made. One that was taken away and made again
+    /// is both.
+    fn touched(&self) -> (Vec<(u32, Cell)>, Vec<u32>) {
+        let first_new = self.before.first().map_or(self.cells.len(), |before| before[2]);
+        let differs = |one: &Cell, two: &Cell| one.corners != two.corners || one.constraints != two.constraints;
+        let mut gone: Vec<(u32, Cell, bool)> = Vec::with_capacity(12);
+        for &(t, old) in self.saved.iter().filter(|(t, _)| (*t as usize) < first_new) {
+            // only a chain of changes saves a cell more than once
+            match gone.iter_mut().find(|one| self.before.len() > 1 && one.0 == t) {
+                Some(one) => one.2 |= differs(&one.1, &old),
+                None => gone.push((t, old, differs(&old, &self.cells[t as usize]))),
+            }
+        }
+        let gone: Vec<(u32, Cell)> = gone.into_iter().filter(|one| one.2).map(|(t, old, _)| (t, old)).collect();
+        let mut made: Vec<u32> =
+            gone.iter().map(|&(t, _)| t).chain(first_new as u32..self.cells.len() as u32).collect();
+        made.retain(|&t| self.cells[t as usize] != DEAD);
+        (gone, made)
     }
 
-    /// The greatest cosine (the smallest angle) among the cells that the change took away, and among those it made.
-    pub fn before_and_after(&self) -> (f64, f64) {
-        let gone = self.saved.iter().filter(|(t, old)| self.cells[*t as usize].corners != old.corners);
-        let before = gone.map(|(_, old)| self.sharpness_of(old)).fold(-1.0, f64::max);
-        let after = self.made().map(|t| self.sharpness(t)).fold(-1.0, f64::max);
-        (before, after)
+    /// Numbers of the cells that the changes at hand took away, and of those they made.
+    pub fn numbers(&self) -> (Vec<u32>, Vec<u32>) {
+        let (gone, made) = self.touched();
+        (gone.into_iter().map(|(t, _)| t).collect(), made)
     }
 
-    /// Cosine of the smallest angle of a cell, angles between two constraints left aside.
+    /// Cosine of the smallest angle among the cells that the changes at hand took away, and the cells they made; those
+    /// that are there as before are left out.
+    pub fn difference(&self) -> (f64, Vec<u32>) {
+        let (mut gone, mut made) = self.touched();
+        let key = |cell: &Cell| {
+            let mut corners = cell.corners;
+            corners.sort_unstable();
+            (corners, self.sharpness_of(cell).to_bits())
+        };
+        let keys_gone: Vec<_> = gone.iter().map(|(_, old)| key(old)).collect();
+        let keys_made: Vec<_> = made.iter().map(|&t| key(&self.cells[t as usize])).collect();
+        let mut is_old = keys_made.iter().map(|key| keys_gone.contains(key));
+        made.retain(|_| !is_old.next().unwrap_or(false));
+        let mut is_back = keys_gone.iter().map(|key| keys_made.contains(key));
+        gone.retain(|_| !is_back.next().unwrap_or(false));
+        (gone.iter().map(|(_, old)| self.sharpness_of(old)).fold(-1.0, f64::max), made)
+    }
+
+    /// Cosine of the smallest angle of a cell, angles between two chords that were there before left aside.
     pub fn sharpness(&self, t: u32) -> f64 {
         self.sharpness_of(&self.cells[t as usize])
     }
@@ -189,7 +236,8 @@ impl Patch {
         let mut most = -1.0;
         for k in 0..3 {
             let j = (k + 2) % 3;
-            if cell.constraints[k] != NONE && cell.constraints[j] != NONE {
+            let is_old = |c: u32| c != NONE && !self.is_fresh[c as usize / 2];
+            if is_old(cell.constraints[k]) && is_old(cell.constraints[j]) {
                 continue;
             }
             let cosine = -(edges[k][0] * edges[j][0] + edges[k][1] * edges[j][1]) / (length[k] * length[j]);
@@ -200,13 +248,24 @@ impl Patch {
         most
     }
 
-    fn set(&mut self, t: u32, cell: Cell) {
+    pub(super) fn set(&mut self, t: u32, cell: Cell) {
         let k = t as usize;
-        if k < self.first_new && self.stamp[k] != self.change {
+        let is_old = self.before.last().is_some_and(|before| k < before[2]);
+        if is_old && self.stamp[k] != self.change {
             self.stamp[k] = self.change;
             self.saved.push((t, self.cells[k]));
         }
         self.cells[k] = cell;
+        self.register(t);
+    }
+
+    /// Notes the chords that a cell lies beside.
+    fn register(&mut self, t: u32) {
+        for c in self.cells[t as usize].constraints {
+            if c != NONE {
+                self.beside[c as usize] = t;
+            }
+        }
     }
 
     fn push(&mut self, cell: Cell) -> u32 {
@@ -216,8 +275,10 @@ impl Patch {
         self.cells.len() as u32 - 1
     }
 
-    fn set_at(&mut self, v: u32, t: u32) {
-        self.saved_at.push((v, self.at[v as usize]));
+    pub(super) fn set_at(&mut self, v: u32, t: u32) {
+        if !self.before.is_empty() {
+            self.saved_at.push((v, self.at[v as usize]));
+        }
         self.at[v as usize] = t;
     }
 
@@ -233,7 +294,7 @@ impl Patch {
     }
 
     /// Whether `d` lies in the circle through `a`, `b`, `c` (counter-clockwise), ties broken by name.
-    fn in_circle(&self, [a, b, c]: [u32; 3], d: u32) -> bool {
+    pub(super) fn in_circle(&self, [a, b, c]: [u32; 3], d: u32) -> bool {
         let p = |v: u32| robust::Coord { x: self.points[v as usize][0], y: self.points[v as usize][1] };
         let det = robust::incircle(p(a), p(b), p(c), p(d));
         if det != 0.0 {
@@ -337,6 +398,17 @@ impl Patch {
     pub fn insert(&mut self, v: u32, from: u32, fits: impl Fn(u32) -> bool) -> bool {
         let p = self.points[v as usize];
         let Some(first) = self.locate(&p, from) else { return false };
+        let (cavity, rims) = self.cavity(v, first);
+        let is_seen = |rim: &Rim| orient(self.point(rim.ends[0]), self.point(rim.ends[1]), &p) > 0.0;
+        if rims.len() != cavity.len() + 2 || !rims.iter().all(|rim| is_seen(rim) && fits(rim.ends[0])) {
+            return false;
+        }
+        self.fill(v, cavity, &rims, NONE, NONE);
+        true
+    }
+
+    /// Cells in whose circle a point lies, from one of them on, and the edges around them.
+    pub(super) fn cavity(&mut self, v: u32, first: u32) -> (Vec<u32>, Vec<Rim>) {
         self.marks += 1;
         self.mark[first as usize] = self.marks;
         let mut cavity = vec![first];
@@ -365,27 +437,41 @@ impl Patch {
         }
         // a cell may join the cavity after an edge to it was taken for rim
         rims.retain(|rim| rim.behind == NONE || rim.constraint != NONE || self.mark[rim.behind as usize] != self.marks);
-        let is_seen = |rim: &Rim| orient(self.point(rim.ends[0]), self.point(rim.ends[1]), &p) > 0.0;
-        if rims.len() != cavity.len() + 2 || !rims.iter().all(|rim| is_seen(rim) && fits(rim.ends[0])) {
-            return false;
+        (cavity, rims)
+    }
+
+    /// Joins a point to the edges around a cavity. Where these leave a gap, constraint `to` leads to the point and `from`
+    /// away from it; returns the cells beside these.
+    pub(super) fn fill(&mut self, v: u32, cavity: Vec<u32>, rims: &[Rim], to: u32, from: u32) -> (u32, u32) {
+        let mut ids = cavity;
+        while ids.len() < rims.len() {
+            ids.push(self.push(DEAD));
         }
-        let ids: Vec<u32> =
-            (0..rims.len()).map(|k| cavity.get(k).copied().unwrap_or_else(|| self.push(DEAD))).collect();
+        let mut ends = (NONE, NONE);
         for (k, rim) in rims.iter().enumerate() {
             let [a, b] = rim.ends;
             let after = rims.iter().position(|other| other.ends[0] == b).map_or(NONE, |i| ids[i]);
             let before = rims.iter().position(|other| other.ends[1] == a).map_or(NONE, |i| ids[i]);
-            let cell = Cell {
+            let mut cell = Cell {
                 corners: [a, b, v],
                 neighbours: [rim.behind, after, before],
                 constraints: [rim.constraint, NONE, NONE],
             };
+            if after == NONE {
+                cell.constraints[1] = to;
+                ends.0 = ids[k];
+                self.set_at(b, ids[k]);
+            }
+            if before == NONE {
+                cell.constraints[2] = from;
+                ends.1 = ids[k];
+            }
             self.set(ids[k], cell);
             self.face(rim.behind, b, ids[k]);
             self.set_at(a, ids[k]);
         }
         self.set_at(v, ids[0]);
-        true
+        ends
     }
 
     /// Removes a point with no constraint at it. False where it can't be; the change at hand must then be rolled back.
@@ -413,8 +499,13 @@ impl Patch {
                 break;
             }
         }
-        let mut ids = star.clone();
         star.iter().for_each(|&t| self.set(t, DEAD));
+        self.set_at(v, NONE);
+        self.clip(star, rims)
+    }
+
+    /// Fills the hole that some edges surround, with cells whose numbers are given.
+    pub(super) fn clip(&mut self, mut ids: Vec<u32>, mut rims: Vec<Rim>) -> bool {
         while rims.len() > 2 {
             let count = rims.len();
             let ear = (0..count).find(|&i| {
@@ -446,7 +537,6 @@ impl Patch {
             rims[i] = Rim { ends: [a, c], behind: t, constraint: NONE };
             rims.remove((i + 1) % count);
         }
-        self.set_at(v, NONE);
         true
     }
 }

@@ -51,7 +51,7 @@ def repair(domain: Domain, kept: Bools, obstacles: Floats, wide: bool) -> list[C
     while True:
         chords = chords_of(domain, kept)
         bad = _offending(domain, chords, kept, obstacles)
-        bad += [c for c, chord in enumerate(chords) if _is_joined(domain, chord)]
+        bad += [c for c, chord in enumerate(chords) if is_joined(domain, chord)]
         if not bad and wide:
             bad = _narrow(domain, chords)
         if not bad:
@@ -68,11 +68,17 @@ def chords_of(domain: Domain, kept: Bools) -> list[Chord]:
         if chain.closed and positions:
             positions.append(positions[0] + len(chain.vertices))
         for start, stop in itertools.pairwise(positions):
-            ends = (chain.vertex(start), chain.vertex(stop))
-            between = [chain.vertex(k) for k in range(start + 1, stop)]
-            far, deviation_2 = _farthest(domain, between, *ends) if between else (ends[0], 0.0)
-            chords.append(Chord(c, start, stop, ends, far, deviation_2))
+            chords.append(chord_between(domain, c, start, stop))
     return chords
+
+
+def chord_between(domain: Domain, c: int, start: int, stop: int) -> Chord:
+    """Return the chord of a chain between two positions."""
+    chain = domain.chains[c]
+    ends = (chain.vertex(start), chain.vertex(stop))
+    between = [chain.vertex(k) for k in range(start + 1, stop)]
+    far, deviation_2 = _farthest(domain, between, *ends) if between else (ends[0], 0.0)
+    return Chord(c, start, stop, ends, far, deviation_2)
 
 
 def _farthest(domain: Domain, vertices: list[int], a: int, b: int) -> tuple[int, float]:
@@ -103,7 +109,7 @@ def _keep_enough(domain: Domain, kept: Bools) -> None:
             kept[held[-1]] = True
 
 
-def _is_joined(domain: Domain, chord: Chord) -> bool:
+def is_joined(domain: Domain, chord: Chord) -> bool:
     """Whether a chord of a slit has the same nodes on both sides: the slit would be an edge like any other."""
     chain = domain.chains[chord.chain]
     first, last = chain.edge(chord.start), chain.edge(chord.stop - 1)

@@ -1,218 +1,79 @@
 """The quality guard: no angle of a level under a bound, with nodes of the input only.
 
-Cells with an angle under the bound are taken worst first. For each, in this order: take away one of its free nodes
-(interior, and not a node of a coarser level); exchange it for a candidate nearby; insert a candidate near the cell's
-off-centre; take away or exchange a free node across one of its edges; put one candidate in the place of two free nodes.
-The first change that takes the cell away and leaves no new cell under the bound is kept, else the best one that betters
-the worst cell it touches. Angles between two facets are left aside.
+Cells with an angle under the bound are taken worst first. For each, single changes are tried in this order: take away
+one of its free nodes (not a node of a coarser level, no corner); exchange it for a candidate nearby; the same for the
+nodes across its edges; insert a candidate near its off-centre; put back a facet vertex that a chord nearby spans.
+The first change that takes the cell away and leaves no new cell under the bound is kept. Where there is none, chains
+of changes are tried: the most promising ones, each followed by one that mends the worst cell it leaves, and once more.
+Else the best single change that betters the worst cell it touches is kept. Angles between two facets are left aside,
+unless the guard bent one of them.
 
-Points are candidates here. Cocircular ties are broken as if the lifting of the point with the lowest node were raised a
-little, so the triangulation is unique, and so is all that follows from it.
+Points are candidates here.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .level import Candidates
-from .point import NONE, Bools, Floats, Point, distance, distance_2, in_circle, orient
+from .chords import Chord, chord_between, chords_of, holds, is_joined, piece, repair
+from .domain import Domain
+from .level import Candidates, Choice
+from .patch import Cell, Patch
+from .point import NONE, Bools, Floats, Point, distance, distance_2
 from .triangulation import Edge
 
 BUDGET = 0.10
 """Share of nodes that the guard may add to a level."""
 TRIED = 8
-"""Candidates that are tried around one place."""
+"""Candidates that are tried around one place, and vertices of one chord."""
 MOST_ROUNDS = 12
-MOST_PAIRS = 100
-"""Cells of a small level for which pairs of nodes are tried; a large one has a share more."""
+FOLLOWED = ((16,), (8, 4))
+"""How many of the changes tried at a cell are followed by others, for chains of two and of three."""
+TRIES = (5000, 5)
+"""Changes that are tried in chains on any level, and those that each node allows more."""
+SPAN = 1.4
+"""Vertices spanned by a joined chord stay within this many times the distance of a conflict with either end."""
 COMFORT = 1.25
 """How much wider than the bound the angle is under which an inserted node shall see the shortest edge."""
-MOST_STEPS = 256
-"""Steps of a walk after which a point counts as not found."""
-
-Cell = tuple[int, int, int]
-Change = tuple[tuple[int, ...], "int | None"]
-"""Nodes to take away, node to insert."""
 
 
-class Patch:
-    """A constrained Delaunay triangulation that is changed locally, and changed back; ``apex[u, v]`` is left of u v."""
+@dataclass(frozen=True)
+class Change:
+    """What goes, what comes, and the chord that this splits."""
 
-    def __init__(self, points: list[Point], names: list[int], apex: dict[Edge, int], constrained: set[Edge]) -> None:
-        self.points, self.names, self.apex, self.constrained = points, names, apex, constrained
-        self.gone: list[Cell] = []
-        self.made: list[Cell] = []
-        self.start: dict[int, int] = dict(apex.keys())
-        self._break_ties()
-        self.begin()
+    gone: int | None = None
+    new: int | None = None
+    chord: int | None = None
 
-    def canonical(self, u: int, v: int, w: int) -> Cell:
-        """Return a cell from its corner of the lowest name on."""
-        least = min((u, v, w), key=self.names.__getitem__)
-        return (u, v, w) if least == u else (v, w, u) if least == v else (w, u, v)
 
-    def cells(self) -> list[Cell]:
-        """Return every cell once."""
-        return [(u, v, w) for (u, v), w in self.apex.items() if self.canonical(u, v, w)[0] == u]
+@dataclass(frozen=True)
+class Found:
+    """A change that takes a cell away and leaves others under the bound: how many, and the sharpest of them."""
 
-    def begin(self) -> None:
-        """Start a change."""
-        self.gone, self.made = [], []
+    bad: int
+    after: float
+    is_better: bool
+    """Than what it takes away."""
+    change: Change
 
-    def roll_back(self) -> None:
-        """Undo the change at hand."""
-        for cell in self.made:
-            self._unset(cell)
-        for cell in self.gone:
-            self._set(cell)
-        self.begin()
 
-    def _set(self, cell: Cell) -> None:
-        u, v, w = cell
-        self.apex[u, v], self.apex[v, w], self.apex[w, u] = w, u, v
-        self.start[u], self.start[v], self.start[w] = v, w, u
+@dataclass(frozen=True)
+class Scene:
+    """The level at hand: f and places are by candidate."""
 
-    def _unset(self, cell: Cell) -> None:
-        u, v, w = cell
-        del self.apex[u, v], self.apex[v, w], self.apex[w, u]
-
-    def add(self, u: int, v: int, w: int) -> None:
-        """Add a cell, as part of the change at hand."""
-        cell = self.canonical(u, v, w)
-        self._set(cell)
-        self.made.append(cell)
-
-    def take(self, u: int, v: int, w: int) -> None:
-        """Take a cell away, as part of the change at hand."""
-        cell = self.canonical(u, v, w)
-        self._unset(cell)
-        if cell in self.made:
-            self.made.remove(cell)
-        else:
-            self.gone.append(cell)
-
-    def has(self, cell: Cell) -> bool:
-        """Whether a cell is there."""
-        return self.apex.get(cell[:2]) == cell[2]
-
-    def turn(self, u: int, v: int, w: int) -> int:
-        """Return the sign of a triangle of points."""
-        return orient(self.points[u], self.points[v], self.points[w])
-
-    def sharpness(self, cell: Cell) -> float:
-        """Return the cosine of the smallest angle of a cell, angles between two constraints left aside."""
-        p = [self.points[v] for v in cell]
-        edges = [(p[k - 2][0] - p[k][0], p[k - 2][1] - p[k][1]) for k in range(3)]
-        length = [math.sqrt(x * x + y * y) for x, y in edges]
-        fixed = [(cell[k], cell[k - 2]) in self.constrained for k in range(3)]
-        most = -1.0
-        for k in range(3):
-            (ax, ay), (bx, by) = edges[k], edges[k - 1]
-            if not (fixed[k] and fixed[k - 1]):
-                most = max(most, -(ax * bx + ay * by) / (length[k] * length[k - 1]))
-        return most
-
-    def in_circle(self, cell: Cell, d: int) -> bool:
-        """Whether d lies in the circle through a cell, ties broken by name."""
-        sign = in_circle(*(self.points[v] for v in (*cell, d)))
-        if sign:
-            return sign > 0
-        a, b, c = self.canonical(*cell)
-        if self.names[d] < self.names[a]:
-            return False
-        # raising the lowest lifts the plane at d where d's barycentric coordinate for it is positive
-        return self.turn(b, c, d) > 0
-
-    def _break_ties(self) -> None:
-        """Flip edges until the triangulation is the one that the tie rule asks for."""
-        waiting = list(self.apex)
-        while waiting:
-            u, v = waiting.pop()
-            if (u, v) not in self.apex or (v, u) not in self.apex or (u, v) in self.constrained:
-                continue
-            w, x = self.apex[u, v], self.apex[v, u]
-            if self.in_circle((u, v, w), x) and self.turn(w, u, x) > 0 and self.turn(x, v, w) > 0:
-                self.take(u, v, w)
-                self.take(v, u, x)
-                self.add(w, u, x)
-                self.add(x, v, w)
-                waiting += [(u, x), (x, v), (v, w), (w, u)]
-
-    def _locate(self, p: Point, cell: Cell) -> Cell | None:
-        """Walk to the cell that holds a point; None where a wall is in the way."""
-        for step in range(MOST_STEPS):
-            u, v, w = self.canonical(*cell)
-            for i in range(3):
-                a, b = [(u, v), (v, w), (w, u)][(i + step) % 3]
-                if orient(self.points[a], self.points[b], p) < 0:
-                    break
-            else:
-                return cell
-            if (a, b) in self.constrained or (b, a) not in self.apex:
-                return None
-            cell = (b, a, self.apex[b, a])
-        return None
-
-    def insert(self, p: int, start: Cell, fits: Callable[[int], bool]) -> bool:
-        """Insert a point, walking from a cell; False where it can't be. `fits` is asked of its neighbours to be."""
-        first = self._locate(self.points[p], start)
-        if first is None:
-            return False
-        cavity = {self.canonical(*first)}
-        waiting, rim = deque([first]), []
-        while waiting:
-            u, v, w = waiting.popleft()
-            for a, b in ((u, v), (v, w), (w, u)):
-                if (a, b) in self.constrained or (b, a) not in self.apex:
-                    rim.append((a, b, True))
-                    continue
-                beyond = self.canonical(b, a, self.apex[b, a])
-                if beyond not in cavity and self.in_circle(beyond, p):
-                    cavity.add(beyond)
-                    waiting.append(beyond)
-                elif beyond not in cavity:
-                    rim.append((a, b, False))
-        # a cell may join the cavity after an edge to it was taken for rim
-        rim = [(a, b, wall) for a, b, wall in rim if wall or self.canonical(b, a, self.apex[b, a]) not in cavity]
-        if len(rim) != len(cavity) + 2 or not all(self.turn(a, b, p) > 0 and fits(a) for a, b, _ in rim):
-            return False
-        for cell in cavity:
-            self.take(*cell)
-        for a, b, _ in rim:
-            self.add(a, b, p)
-        return True
-
-    def remove(self, p: int) -> bool:
-        """Remove a point with no constraint at it. Where False, the change at hand must be rolled back."""
-        first = v = self.start[p]
-        loop = []
-        while True:
-            if (p, v) in self.constrained or (v, p) in self.constrained or (p, v) not in self.apex:
-                return False
-            loop.append(v)
-            v = self.apex[p, v]
-            if v == first:
-                break
-            if len(loop) > MOST_STEPS:
-                return False
-        for k, v in enumerate(loop):
-            self.take(p, v, loop[(k + 1) % len(loop)])
-        while len(loop) > 2:
-            for k in range(len(loop)):
-                ear = (loop[k], loop[(k + 1) % len(loop)], loop[(k + 2) % len(loop)])
-                if self.turn(*ear) > 0 and not any(self.in_circle(ear, q) for q in loop if q not in ear):
-                    break
-            else:
-                return False
-            self.add(*ear)
-            loop.remove(ear[1])
-        return True
+    domain: Domain
+    candidates: Candidates
+    f: Floats
+    inside: Bools
+    """Which candidates are interior and in the coarse domain."""
+    seeds: Choice
+    """What coarser levels hold."""
+    seeded: Bools
+    """The same by candidate."""
 
 
 @dataclass(frozen=True)
@@ -228,129 +89,283 @@ class Rule:
     """Share of the conflict distance that an inserted node must keep: 1/C leaves the next finer level independent."""
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """A level that was bettered: its choice and cells, and what conflicts since."""
+
+    choice: Choice
+    apex: dict[Edge, int]
+    cells: list[Cell]
+    crowded: dict[int, float]
+    """Candidates that conflict, and beta/2 of the distance to the nearest such."""
+
+
+def better(scene: Scene, rule: Rule, choice: Choice, apex: dict[Edge, int], taken: Bools) -> Outcome:
+    """Better a level; one that then needs repair is done again without touching its facets."""
+    outcome = Guard(scene, rule, choice, dict(apex), taken.copy(), bends=True).work()
+    kept = outcome.choice.kept.copy()
+    if (kept != choice.kept).any():
+        facets = len(scene.domain)
+        interior = np.isin(scene.candidates.nodes, outcome.choice.interior)
+        interior[:facets] = False
+        repair(scene.domain, kept, scene.candidates.points[interior], wide=False)
+        if (kept != outcome.choice.kept).any():
+            return Guard(scene, rule, choice, dict(apex), taken.copy(), bends=False).work()
+    return outcome
+
+
 class Guard:
-    """A level at work: candidates, f at them, and which of them the triangulation holds."""
+    """A level at work: chords, and which candidates the triangulation holds and may lose."""
 
     def __init__(
-        self, candidates: Candidates, f: Floats, allowed: Bools, free: Bools, taken: Bools, patch: Patch, rule: Rule
+        self, scene: Scene, rule: Rule, choice: Choice, apex: dict[Edge, int], taken: Bools, *, bends: bool
     ) -> None:
-        self.candidates, self.f, self.allowed, self.free, self.taken = candidates, f, allowed, free, taken
-        self.patch, self.rule = patch, rule
+        self.scene, self.rule, self.choice, self.taken, self.bends = scene, rule, choice, taken, bends
+        self.domain, self.candidates, self.f = scene.domain, scene.candidates, scene.f
+        facets, count = len(self.domain), int(taken.sum())
+        points = [(float(x), float(y)) for x, y in self.candidates.points]
+        ends = [chord.vertices for chord in choice.chords]
+        self.patch = Patch(points, self.candidates.nodes.tolist(), apex, ends)
+        self.chords = list(choice.chords)
+        self.chords_before: list[int] = []
+        self.sides = np.bincount([chord.chain for chord in choice.chords], minlength=len(self.domain.chains))
+        self.free = ~scene.seeded
+        self.free[:facets] &= bends & ~self.domain.corner
         self.sharp = math.cos(rule.min_angle)
-        self.left = int(BUDGET * int(taken.sum()))
-        self.pairs_left = MOST_PAIRS + int(taken.sum()) // MOST_PAIRS
+        self.added = 0
+        self.most_added = int(BUDGET * (count - scene.seeds.surplus)) - scene.seeds.surplus
+        self.tries_left = TRIES[0] + TRIES[1] * count
+        self.gone: list[int] = []
+        self.brought: list[int] = []
         self.inserted: set[int] = set()
 
-    def work(self) -> dict[int, float]:
-        """Better the level; return candidates that conflict since, and beta/2 of the distance to the nearest such."""
+    def work(self) -> Outcome:
+        """Better the level."""
         bad = self._bad(self.patch.cells())
         for _ in range(MOST_ROUNDS):
             bad = self._round(bad)
             if not bad:
                 break
-        return self._crowded()
+        facets = len(self.domain)
+        choice = replace(
+            self.choice,
+            kept=self.taken[:facets].copy(),
+            interior=self.candidates.nodes[facets:][self.taken[facets:]],
+            held=dict(self.choice.held),
+            surplus=max(self.scene.seeds.surplus + self.added, 0),
+        )
+        choice.chords = chords_of(self.domain, choice.kept)
+        return Outcome(choice, self.patch.apex, self.patch.cells(), self._crowded())
 
     def _bad(self, cells: Iterable[Cell]) -> set[Cell]:
         return {self.patch.canonical(*cell) for cell in cells if self.patch.sharpness(cell) > self.sharp}
 
     def _round(self, bad: set[Cell]) -> set[Cell]:
         """Pass over the cells under the bound, worst first; return those that the pass made."""
-        names = self.patch.names
-        queue = sorted(bad, key=lambda cell: (-self.patch.sharpness(cell), sorted(names[v] for v in cell)))
+        queue = sorted(bad, key=lambda cell: (-self.patch.sharpness(cell), self.patch.sorted_names(cell)))
         waiting, made = set(queue), set()
         for cell in queue:
-            if cell in waiting and self.patch.has(cell) and self._mend(cell):
-                waiting -= set(self.patch.gone)  # one that comes back waits for the next round
-                made |= self._bad(self.patch.made)
-                self.patch.begin()
-        return {cell for cell in made if self.patch.has(cell)}
+            if cell in waiting and self._mend(cell):
+                gone, new = self.patch.touched()
+                waiting -= set(gone)  # one that comes back waits for the next round
+                made |= self._bad(new)
+                self._keep()
+        return {cell for cell in made if self.patch.has(cell) and self.patch.sharpness(cell) > self.sharp}
 
     def _mend(self, cell: Cell) -> bool:
-        """Try to better one cell; a change that is kept is left at hand."""
-        best: tuple[float, Change] | None = None
+        """Try to better one cell; changes that are kept are left at hand."""
+        found: list[Found] = []
+        if self._try_each(cell, found):
+            return True
+        found.sort(key=lambda one: (one.bad, one.after))
+        if any(self._follow(cell, found, widths) for widths in FOLLOWED):
+            return True
+        best = min((one for one in found if one.is_better), key=lambda one: one.after, default=None)
+        return best is not None and self._apply(best.change, cell)
+
+    def _follow(self, cell: Cell, found: list[Found], widths: tuple[int, ...]) -> bool:
+        """Follow the most promising changes by one that mends the worst cell they leave, and so on."""
+        for one in found[: widths[0]]:
+            if self.tries_left == 0 or not self._apply(one.change, cell):
+                continue
+            left = self.patch.difference()[1]
+            if left:
+                worst = min(left, key=lambda cell: (-self.patch.sharpness(cell), self.patch.sorted_names(cell)))
+                then: list[Found] = []
+                if self._try_each(worst, then):
+                    return True
+                then.sort(key=lambda one: (one.bad, one.after))
+                if len(widths) > 1 and self._follow(worst, then, widths[1:]):
+                    return True
+            self._undo(one.change)
+        return False
+
+    def _try_each(self, cell: Cell, found: list[Found]) -> bool:
+        """Try each change at a cell; add those that take it away but leave others under the bound to `found`."""
         for change in self._changes(cell):
+            if self.gone or self.brought:
+                self.tries_left = max(self.tries_left - 1, 0)
             if not self._apply(change, cell):
                 continue
             if not self.patch.has(cell):
-                before = max(map(self.patch.sharpness, self.patch.gone), default=-1.0)
-                after = max(map(self.patch.sharpness, self.patch.made), default=-1.0)
+                before, made = self.patch.difference()
+                sharp = [self.patch.sharpness(new) for new in made]
+                after = max(sharp, default=-1.0)
                 if after <= self.sharp:
                     return True
-                if after < before and (best is None or after < best[0]):
-                    best = (after, change)
+                found.append(Found(sum(s > self.sharp for s in sharp), after, after < before, change))
             self._undo(change)
-        return best is not None and self._apply(best[1], cell)
+        return False
 
     def _changes(self, cell: Cell) -> Iterator[Change]:
         """Yield changes in the order in which they are tried."""
         yield from self._of_nodes(cell)
-        if self.left > 0:
+        edges = [(cell[k], cell[k - 2]) for k in range(3)]
+        yield from self._of_nodes([NONE if self.patch.is_closed(u, v) else self.patch.apex[v, u] for u, v in edges])
+        if self.added < self.most_added:
             centre, reach = self._off_centre(cell)
-            yield from (((), k) for k in self._near(np.array(centre), reach))
-        across = []
-        for k in range(3):
-            u, v = cell[k], cell[k - 2]
-            across.append(NONE if (u, v) in self.patch.constrained else self.patch.apex.get((v, u), NONE))
-        yield from self._of_nodes(across)
-        if self.pairs_left > 0:
-            self.pairs_left -= 1
-            free = self._free_ones([*cell, *across])
-            points = self.candidates.points
-            for v, w in itertools.combinations(free, 2):
-                if v != w:
-                    middle = 0.5 * (points[v] + points[w])
-                    reach = 0.5 * float(distance(points[v], points[w]))
-                    yield from (((v, w), k) for k in self._near(middle, reach))
-
-    def _free_ones(self, nodes: Iterable[int]) -> list[int]:
-        return [v for v in nodes if v != NONE and self.free[v] and self.taken[v]]
+            yield from (Change(new=k) for k in self._near(np.array(centre), reach))
+        if self.bends and self.added < self.most_added:
+            for c in self.patch.chords_near(cell):
+                chain, start, stop = self.domain.chains[self.chords[c].chain], self.chords[c].start, self.chords[c].stop
+                # all of a few, else a few that lie evenly
+                count = min(stop - start - 1, TRIED)
+                for j in range(1, count + 1):
+                    v = chain.vertex(start + (stop - start) * j // (count + 1))
+                    if not self.taken[v] and v not in self.gone:
+                        yield Change(new=v, chord=c)
 
     def _of_nodes(self, nodes: Iterable[int]) -> Iterator[Change]:
-        """Yield changes that take away or exchange the free ones among some nodes."""
-        free = self._free_ones(nodes)
-        yield from (((v,), None) for v in free)
+        """Yield changes that take away or exchange the free ones among some nodes; what a chain brought stays."""
+        free = [v for v in nodes if v != NONE and self.free[v] and v not in self.brought]
+        yield from (Change(v) for v in free)
         for v in free:
-            reach = float(self.f[v]) / self.rule.beta
-            yield from (((v,), k) for k in self._near(self.candidates.points[v], reach))
+            if v >= len(self.domain):
+                reach = float(self.f[v]) / self.rule.beta
+                yield from (Change(v, k) for k in self._near(self.candidates.points[v], reach))
+
+    # --- making a change -------------------------------------------------------------------------------------------
 
     def _apply(self, change: Change, cell: Cell) -> bool:
-        out, new = change
+        """Make a change at a cell; False, and nothing changed, where it can't be made."""
         self.patch.begin()
-        for v in out:
-            if not self.patch.remove(v) or not self.patch.made:
-                self.patch.roll_back()
+        self.chords_before.append(len(self.chords))
+        out, new = change.gone, change.new
+        if out is not None:
+            made = self.patch.touched()[1] if self._leave(out) else []
+            if not made:
+                self._roll_back()
                 return False
-            cell = min(self.patch.made, key=lambda made: sorted(self.patch.names[v] for v in made))
+            cell = min(made, key=self.patch.sorted_names)
+        if new is not None and not self._join(new, change.chord, cell):
+            self._roll_back()
+            return False
         if new is not None:
-            p, f = self.candidates.points, self.f
-
-            def fits(w: int) -> bool:
-                near = (f[new] + f[w]) / self.rule.beta
-                return bool(distance(p[new], p[w]) >= self.rule.room * near)
-
-            if not self.patch.insert(new, cell, fits):
-                self.patch.roll_back()
-                return False
             self.taken[new] = self.free[new] = True
             self.inserted.add(new)
-            self.left -= 1
-        self.taken[list(out)] = False
-        self.left += len(out)
+            self.brought.append(new)
+            self.added += self._weight(new)
+        if out is not None:
+            self.taken[out] = False
+            self.gone.append(out)
+            self.added -= self._weight(out)
         return True
 
     def _undo(self, change: Change) -> None:
-        out, new = change
+        self._roll_back()
+        if change.new is not None:
+            self.taken[change.new] = False
+            self.brought.pop()
+            self.added -= self._weight(change.new)
+        if change.gone is not None:
+            self.taken[change.gone] = True
+            self.gone.pop()
+            self.added += self._weight(change.gone)
+
+    def _keep(self) -> None:
+        self.patch.keep()
+        self.chords_before, self.gone, self.brought = [], [], []
+
+    def _roll_back(self) -> None:
         self.patch.roll_back()
-        if new is not None:
-            self.taken[new] = False
-            self.left += 1
-        self.taken[list(out)] = True
-        self.left -= len(out)
+        before = self.chords_before.pop()
+        new = len(self.chords) - before
+        if new:
+            # two new chords took the place of one, or one that of two
+            self.sides[self.chords[-1].chain] += 1 if new == 1 else -1
+            del self.chords[before:], self.patch.is_fresh[before:]
+
+    def _weight(self, k: int) -> int:
+        """Return the number of nodes that a candidate stands for."""
+        return len(self.domain.copies[k]) if k < len(self.domain) else 1
+
+    def _join(self, new: int, chord: int | None, cell: Cell) -> bool:
+        p, f = self.candidates.points, self.f
+
+        def fits(w: int) -> bool:
+            near = (f[new] + f[w]) / self.rule.beta
+            return bool(distance(p[new], p[w]) >= self.rule.room * near)
+
+        if chord is None:
+            return self.patch.insert(new, cell, fits)
+        old = self.chords[chord]
+        chain, (a, b) = self.domain.chains[old.chain], old.vertices
+        at = next(k for k in range(old.start + 1, old.stop) if chain.vertex(k) == new)
+        is_fresh = self.patch.is_fresh[chord] or self.patch.turn(a, b, new) != 0
+        self._add_chord(old.chain, old.start, at, is_fresh)
+        self._add_chord(old.chain, at, old.stop, is_fresh)
+        self.sides[old.chain] += 1
+        last = len(self.chords)
+        is_clear = all(self._is_clear(one, new) for one in self.chords[-2:])
+        return is_clear and self.patch.split(new, (a, b), (last - 2, last - 1), fits)
+
+    def _leave(self, v: int) -> bool:
+        if v >= len(self.domain):
+            return self.patch.remove(v)
+        ends = sorted({self.patch.chord_at[v, w] for w in self.patch.around[v]})
+        if len(ends) != 2:
+            return False
+        if self.chords[ends[0]].vertices[0] == v:
+            ends.reverse()
+        one, two = (self.chords[c] for c in ends)
+        if one.chain != two.chain or one.vertices[1] != v or two.vertices[0] != v:
+            return False
+        chain = self.domain.chains[one.chain]
+        if (chain.closed or chain.vertices[0] == chain.vertices[-1]) and self.sides[one.chain] < 4:
+            return False
+        a, b = one.vertices[0], two.vertices[1]
+        is_fresh = self.patch.turn(a, v, b) != 0 or any(self.patch.is_fresh[c] for c in ends)
+        self._add_chord(one.chain, one.start, one.stop + two.stop - two.start, is_fresh)
+        self.sides[one.chain] -= 1
+        new = self.chords[-1]
+        is_valid = self._is_dense(new) and not is_joined(self.domain, new) and self._is_clear(new, v)
+        return is_valid and self.patch.merge(v, a, b, len(self.chords) - 1)
+
+    def _add_chord(self, chain: int, start: int, stop: int, is_fresh: bool) -> None:
+        length = len(self.domain.chains[chain].vertices)
+        turns = 0 if start < length else length
+        self.chords.append(chord_between(self.domain, chain, start - turns, stop - turns))
+        self.patch.is_fresh.append(is_fresh)
+
+    def _is_dense(self, new: Chord) -> bool:
+        """Whether the vertices that a chord spans are near enough to either end."""
+        p, f, spanned = self.domain.points, self.f, piece(self.domain, new)
+        near = [distance(p[spanned], p[end]) <= SPAN * ((f[spanned] + f[end]) / self.rule.beta) for end in new.vertices]
+        return bool((near[0] | near[1]).all())
+
+    def _is_clear(self, new: Chord, but: int) -> bool:
+        """Whether the region between a chord and its piece of chain holds no kept point, one vertex left aside."""
+        if new.deviation_2 == 0.0:
+            return True
+        kept = np.flatnonzero(self.taken)
+        kept = kept[~np.isin(kept, [but, *new.vertices])]
+        return not holds(self.domain, new, self.candidates.points[kept]).any()
 
     def _near(self, place: Floats, reach: float) -> list[int]:
         """Return allowed candidates nearest to a place, nearest first, ties by node."""
         d_2 = distance_2(self.candidates.points, place)
-        found = np.flatnonzero((np.sqrt(d_2) < reach) & self.allowed & ~self.taken)
+        found = np.flatnonzero((np.sqrt(d_2) < reach) & self.scene.inside & ~self.taken)
+        found = found[~np.isin(found, self.gone)]
         order = np.lexsort((self.candidates.nodes[found], d_2[found]))
         return [int(k) for k in found[order[:TRIED]]]
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from .domain import Domain, FacetArrays
 from .gap import gaps
-from .guard import Guard, Patch, Rule
+from .guard import Rule, Scene, better
 from .kdtree import leaf_order
 from .level import (
     Candidates,
@@ -190,26 +190,25 @@ class Builder:
         sites = level.sites.copy()
         sites[inner] = chosen.candidate_of[level.sites[inner] - facets]
         apex = {(int(sites[u]), int(sites[v])): int(sites[w]) for (u, v), w in level.apex.items()}
-        ends = [chord.vertices for chord in choice.chords]
-        constrained = {edge for a, b in ends for edge in ((a, b), (b, a))}
-        points = [(float(x), float(y)) for x, y in candidates.points]
-        patch = Patch(points, candidates.nodes.tolist(), apex, constrained)
-        taken = np.zeros(len(points), np.bool_)
+        taken = np.zeros(len(candidates.points), np.bool_)
         taken[sites] = True
-        free = taken.copy()
-        free[:facets] = False
-        free[chosen.candidate_of[seeds.interior]] = False
+        seeded = np.zeros(len(taken), np.bool_)
+        seeded[:facets] = seeds.kept
+        seeded[chosen.candidate_of[seeds.interior]] = True
         slope = 1.0 if self.options.method == "threshold" else self.rules.gradation
         rule = Rule(self.min_angle, self.rules.beta, slope, max(1.0 / self.options.factor, 0.5))
-        crowded = Guard(candidates, chosen.f, chosen.inside, free, taken, patch, rule).work()
-        choice.interior = candidates.nodes[facets:][taken[facets:]]
-        for k, room in crowded.items():
-            choice.hold(int(candidates.nodes[k]), room)
-        chosen = replace(chosen, f=lowered(candidates, chosen.f, crowded, self.rules.gradation))
+        scene = Scene(self.domain, candidates, chosen.f, chosen.inside, seeds, seeded)
+        done = better(scene, rule, choice, apex, taken)
+        for k, room in done.crowded.items():
+            done.choice.hold(int(candidates.nodes[k]), room)
+        f = lowered(candidates, chosen.f, done.crowded, self.rules.gradation)
+        chosen = replace(chosen, choice=done.choice, f=f)
+        taken[:facets] = done.choice.kept
+        taken[facets:] = np.isin(candidates.nodes[facets:], done.choice.interior)
         here = np.flatnonzero(taken)
         index = {int(k): s for s, k in enumerate(here)}
-        apex = {(index[u], index[v]): index[w] for (u, v), w in patch.apex.items()}
-        cells = [(index[u], index[v], index[w]) for u, v, w in patch.cells()]
+        apex = {(index[u], index[v]): index[w] for (u, v), w in done.apex.items()}
+        cells = [(index[u], index[v], index[w]) for u, v, w in done.cells]
         sites = np.where(here < facets, here, facets + candidates.nodes[here])
         return chosen, Triangulated(sites, cells, apex)
 

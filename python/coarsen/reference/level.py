@@ -54,6 +54,8 @@ class Choice:
     chords: list[Chord] = field(default_factory=list)
     held: dict[int, float] = field(default_factory=dict)
     """Nodes that hold f down, and what they hold it under, on this level and the coarser ones."""
+    surplus: int = 0
+    """Nodes that the quality guard added, here and on the coarser levels."""
 
     def hold(self, node: int, room: float) -> None:
         """Have a node hold f down."""

@@ -1,0 +1,319 @@
+//! Which changes are tried where, and which are kept.
+
+use super::change::Change;
+use super::patch::Patch;
+use super::{BUDGET, Guard, Outcome, Scene, Work};
+use crate::level::{Choice, Place, Triangulated};
+use crate::point::{Point, distance};
+use rayon::prelude::*;
+use std::collections::HashSet;
+
+/// Candidates that are tried around one place, and vertices of one chord.
+const TRIED: usize = 8;
+
+/// Rounds over the cells that are under the bound.
+const MOST_ROUNDS: usize = 12;
+
+/// How many of the changes tried at a cell are followed by others, for chains of two and of three.
+const FOLLOWED: [&[usize]; 2] = [&[16], &[8, 4]];
+
+/// Changes that are tried in chains on any level, and those that each node allows more.
+const TRIES: (usize, usize) = (5000, 5);
+
+/// How much wider than the bound the angle is under which an inserted node shall see the shortest edge.
+const COMFORT: f64 = 1.25;
+
+/// A change that takes a cell away and leaves others under the bound.
+struct Found {
+    /// How many.
+    bad: usize,
+    /// Cosine of the smallest angle it leaves.
+    after: f64,
+    /// Whether that is better than what it takes away.
+    is_better: bool,
+    change: Change,
+}
+
+impl<'a> Work<'a> {
+    /// Begins work on a level; facets are left as they are unless `bends`.
+    pub(super) fn new(
+        scene: &'a Scene<'a>,
+        guard: Guard,
+        level: &Triangulated,
+        choice: &Choice,
+        candidate: Vec<u32>,
+        bends: bool,
+    ) -> Work<'a> {
+        let domain = scene.domain;
+        let mut taken = vec![false; scene.candidates.nodes.len()];
+        candidate.iter().for_each(|&k| taken[k as usize] = true);
+        let mut may_go = vec![true; taken.len()];
+        for (v, may_go) in may_go.iter_mut().enumerate().take(domain.len()) {
+            *may_go = bends && !domain.corner[v] && !scene.kept[v];
+        }
+        scene.seeds.iter().for_each(|&k| may_go[k as usize] = false);
+        let mut sides = vec![0; domain.chains.len()];
+        choice.chords.iter().for_each(|chord| sides[chord.chain as usize] += 1);
+        let names = candidate.iter().map(|&k| scene.candidates.nodes[k as usize]).collect();
+        let own = candidate.len() as i64 - scene.surplus;
+        Work {
+            patch: Patch::new(level.points.clone(), names, &level.cells, choice.chords.len()),
+            chords: choice.chords.clone(),
+            chords_before: Vec::new(),
+            sides,
+            is_free: candidate.iter().map(|&k| may_go[k as usize]).collect(),
+            bends,
+            gone: Vec::new(),
+            sites_before: candidate.len(),
+            added: 0,
+            most_added: (BUDGET * own as f64) as i64 - scene.surplus,
+            tries_left: TRIES.0 + TRIES.1 * candidate.len(),
+            sharp: guard.min_angle.cos(),
+            scene,
+            guard,
+            candidate,
+            taken,
+        }
+    }
+
+    /// Does the work; `choice` becomes that of the level returned.
+    pub(super) fn done(mut self, sites: &[u32], choice: &mut Choice) -> (Triangulated, Outcome) {
+        let (patch, sharp) = (&self.patch, self.sharp);
+        let mut bad: Vec<u32> =
+            (0..patch.len() as u32).into_par_iter().filter(|&t| patch.sharpness(t) > sharp).collect();
+        for _ in 0..MOST_ROUNDS {
+            bad = self.round(bad);
+            if bad.is_empty() {
+                break;
+            }
+        }
+        let outcome = Outcome { crowded: self.crowded(sites.len()), surplus: (self.scene.surplus + self.added).max(0) };
+        (self.finish(sites, choice), outcome)
+    }
+
+    fn is_bad(&self, t: u32) -> bool {
+        self.patch.sharpness(t) > self.sharp
+    }
+
+    fn name(&self, site: u32) -> u32 {
+        self.scene.candidates.nodes[self.candidate[site as usize] as usize]
+    }
+
+    /// One pass over the cells under the bound, worst first; returns those that the pass made.
+    fn round(&mut self, bad: Vec<u32>) -> Vec<u32> {
+        let mut queue: Vec<(f64, [u32; 3], [u32; 3], u32)> = Vec::with_capacity(bad.len());
+        for t in bad {
+            // a cell's number may since have gone to another cell
+            if let Some(corners) = self.patch.corners(t).filter(|_| self.is_bad(t)) {
+                queue.push((self.patch.sharpness(t), self.patch.sorted_names(t), corners, t));
+            }
+        }
+        queue.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut made = Vec::new();
+        // what a change took away and brought back waits for the next round
+        let mut touched = HashSet::new();
+        for (_, _, corners, t) in queue {
+            if !touched.contains(&t) && self.mend(t, corners) {
+                let (gone, new) = self.patch.numbers();
+                touched.extend(gone);
+                made.extend(new.into_iter().filter(|&t| self.is_bad(t)));
+                self.keep();
+            }
+        }
+        made.sort_unstable();
+        made.dedup();
+        made
+    }
+
+    /// Tries to better one cell; the changes that are kept are left at hand.
+    fn mend(&mut self, t: u32, corners: [u32; 3]) -> bool {
+        let mut found = Vec::new();
+        if self.try_each(t, corners, &mut found) {
+            return true;
+        }
+        found.sort_by(|a: &Found, b: &Found| a.bad.cmp(&b.bad).then(a.after.total_cmp(&b.after)));
+        if FOLLOWED.into_iter().any(|widths| self.follow(t, &found, widths)) {
+            return true;
+        }
+        let best = found.iter().filter(|one| one.is_better).min_by(|a, b| a.after.total_cmp(&b.after));
+        best.is_some_and(|one| self.apply(one.change, t))
+    }
+
+    /// Follows the most promising changes by one that mends the worst cell they leave, and so on.
+    fn follow(&mut self, t: u32, found: &[Found], widths: &[usize]) -> bool {
+        for one in found.iter().take(widths[0]) {
+            if self.tries_left == 0 || !self.apply(one.change, t) {
+                continue;
+            }
+            let left =
+                self.patch.difference().1.into_iter().map(|t| (self.patch.sharpness(t), self.patch.sorted_names(t), t));
+            let worst = left.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, _, t)| t);
+            if let Some((worst, corners)) = worst.and_then(|t| Some((t, self.patch.corners(t)?))) {
+                let mut next = Vec::new();
+                if self.try_each(worst, corners, &mut next) {
+                    return true;
+                }
+                next.sort_by(|a, b| a.bad.cmp(&b.bad).then(a.after.total_cmp(&b.after)));
+                if widths.len() > 1 && self.follow(worst, &next, &widths[1..]) {
+                    return true;
+                }
+            }
+            self.undo(one.change);
+        }
+        false
+    }
+
+    /// Tries each change at a cell; those that take it away but leave others under the bound are added to `found`.
+    fn try_each(&mut self, t: u32, corners: [u32; 3], found: &mut Vec<Found>) -> bool {
+        // the lowest name first: what is tried, and how it is rounded, must not depend on where the cell begins
+        let first =
+            (1..3).fold(0, |least, k| if self.name(corners[k]) < self.name(corners[least]) { k } else { least });
+        let corners = [0, 1, 2].map(|k| corners[(first + k) % 3]);
+        let across = corners.map(|corner| self.patch.across(t, corner));
+        if self.try_nodes(&corners, t, found) || self.try_nodes(&across, t, found) {
+            return true;
+        }
+        if self.added < self.most_added {
+            let (centre, reach) = self.off_centre(corners);
+            for k in self.near(&centre, reach) {
+                if self.attempt(Change::insert(k), t, found) {
+                    return true;
+                }
+            }
+        }
+        self.bends && self.added < self.most_added && self.try_chords(t, corners[0], found)
+    }
+
+    /// Tries to take away or exchange the free ones among some nodes.
+    fn try_nodes(&mut self, nodes: &[u32; 3], t: u32, found: &mut Vec<Found>) -> bool {
+        // what a chain of changes has brought stays
+        let is_free = |v: &u32| (*v as usize) < self.sites_before && self.is_free[*v as usize];
+        let free: Vec<u32> = nodes.iter().copied().filter(is_free).collect();
+        for &v in &free {
+            if self.attempt(Change::remove(v), t, found) {
+                return true;
+            }
+        }
+        for &v in &free {
+            let k = self.candidate[v as usize] as usize;
+            if k < self.scene.domain.len() {
+                continue;
+            }
+            for k in self.near(self.patch.point(v), self.scene.f[k] / self.guard.beta) {
+                if self.attempt(Change::exchange(v, k), t, found) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Tries to put back vertices between the ends of the chords near a cell: all of a few, else a few that lie evenly.
+    fn try_chords(&mut self, t: u32, first: u32, found: &mut Vec<Found>) -> bool {
+        for c in self.patch.chords_near(t, first) {
+            let chord = self.chords[c as usize];
+            let chain = &self.scene.domain.chains[chord.chain as usize];
+            let spanned = chord.to - chord.from;
+            let count = (spanned - 1).min(TRIED as u32);
+            for j in 1..=count {
+                let v = chain.vertex(chord.from + spanned * j / (count + 1));
+                let is_there = self.taken[v as usize] || self.gone.contains(&v);
+                if !is_there && self.attempt(Change::split(c, v), t, found) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Makes a change; keeps it where it takes the cell away and no cell made is under the bound, else undoes it and
+    /// remembers it.
+    fn attempt(&mut self, change: Change, t: u32, found: &mut Vec<Found>) -> bool {
+        let corners = self.patch.corners(t);
+        if !self.gone.is_empty() || self.candidate.len() > self.sites_before {
+            self.tries_left = self.tries_left.saturating_sub(1);
+        }
+        if !self.apply(change, t) {
+            return false;
+        }
+        if self.patch.corners(t) != corners {
+            let (before, made) = self.patch.difference();
+            let after = made.iter().map(|&t| self.patch.sharpness(t)).fold(-1.0, f64::max);
+            if after <= self.sharp {
+                return true;
+            }
+            let bad = made.iter().filter(|&&t| self.is_bad(t)).count();
+            found.push(Found { bad, after, is_better: after < before, change });
+        }
+        self.undo(change);
+        false
+    }
+
+    /// Allowed candidates nearest to a place, nearest first, ties by node.
+    fn near(&self, place: &Point<2>, reach: f64) -> Vec<u32> {
+        let (tree, facets) = (&self.scene.candidates.tree, self.scene.domain.len());
+        let mut found: Vec<(f64, u32, u32)> = Vec::new();
+        tree.ball(place, reach, |position, d_2| {
+            let k = tree.order()[position];
+            if k as usize >= facets
+                && !self.taken[k as usize]
+                && self.scene.places[k as usize - facets] != Place::CutOff
+                && !self.gone.contains(&k)
+            {
+                found.push((d_2, self.scene.candidates.nodes[k as usize], k));
+            }
+        });
+        let nearer = |a: &(f64, u32, u32), b: &(f64, u32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        if found.len() > TRIED {
+            found.select_nth_unstable_by(TRIED, nearer);
+            found.truncate(TRIED);
+        }
+        found.sort_unstable_by(nearer);
+        found.into_iter().map(|(_, _, k)| k).collect()
+    }
+
+    /// Where a node would mend a cell, and how far from there one is still looked for.
+    fn off_centre(&self, corners: [u32; 3]) -> (Point<2>, f64) {
+        let p = corners.map(|v| *self.patch.point(v));
+        let length = |k: usize| distance(&p[k], &p[(k + 1) % 3]);
+        let lengths = [length(0), length(1), length(2)];
+        let mut k = 0;
+        for j in 1..3 {
+            if lengths[j] < lengths[k] {
+                k = j;
+            }
+        }
+        let (a, b, c) = (p[k], p[(k + 1) % 3], p[(k + 2) % 3]);
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let (ex, ey) = (c[0] - a[0], c[1] - a[1]);
+        let double_area = dx * ey - dy * ex;
+        let (short, long) = (dx * dx + dy * dy, ex * ex + ey * ey);
+        // circumcentre relative to the middle of the shortest edge lies on its bisector
+        let (ux, uy) = ((ey * short - dy * long) / (2.0 * double_area), (dx * long - ex * short) / (2.0 * double_area));
+        let height = (ux * -dy + uy * dx) / short.sqrt();
+        let comfortable = 0.5 * short.sqrt() / (0.5 * COMFORT * self.guard.min_angle).tan();
+        let height = height.min(comfortable);
+        let place = [a[0] + 0.5 * dx - dy / short.sqrt() * height, a[1] + 0.5 * dy + dx / short.sqrt() * height];
+        (place, height.max(0.5 * short.sqrt()))
+    }
+
+    /// Inserted candidates and those that they conflict with.
+    fn crowded(&self, old_sites: usize) -> Vec<(u32, f64)> {
+        let (scene, guard) = (self.scene, self.guard);
+        let mut room = std::collections::BTreeMap::new();
+        for &k in self.candidate[old_sites..].iter().filter(|&&k| self.taken[k as usize]) {
+            let (p, f) = (scene.candidates.points[k as usize], scene.f[k as usize]);
+            scene.candidates.tree.ball(&p, 2.0 * f / (guard.beta - guard.slope), |position, d_2| {
+                let other = scene.candidates.tree.order()[position];
+                let d = d_2.sqrt();
+                if other != k && self.taken[other as usize] && d < (f + scene.f[other as usize]) / guard.beta {
+                    for k in [k, other] {
+                        let least: &mut f64 = room.entry(k).or_insert(f64::INFINITY);
+                        *least = least.min(guard.beta / 2.0 * d);
+                    }
+                }
+            });
+        }
+        room.into_iter().filter(|&(k, room)| room < scene.f[k as usize]).collect()
+    }
+}
