@@ -250,10 +250,10 @@ def narrow_cells(domain: Domain, points: Floats, choice: Choice, level: Triangul
             continue
         ends = {int(level.sites[s]) for s in cell}
         long = [chord for chord in choice.chords if chord.splits and not ends.isdisjoint(chord.vertices)]
-        inner = [v for chord in long for v in piece(domain, chord)[1:-1]]
-        if inner:
-            away = np.max([distance(domain.points[inner], corner) for corner in p], axis=0)
-            back.add(int(min(zip(away, inner, strict=True))[1]))
+        others = [v for chord in long for v in piece(domain, chord)[1:-1]]
+        if others:
+            away = np.max([distance(domain.points[others], corner) for corner in p], axis=0)
+            back.add(int(min(zip(away, others, strict=True))[1]))
     return narrow, back
 
 
