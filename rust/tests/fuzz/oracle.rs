@@ -172,6 +172,8 @@ fn check_spacing(plane: &Plane, fine: &Map<'_>, options: Options, level: &Level,
     }
     let is_seed = |i: u32| coarser.is_some_and(|coarser| coarser.mesh.nodes.binary_search(&i).is_ok());
     let facets: Vec<&Wall> = walls.loops.iter().flatten().collect();
+    // differences of coordinates are no better than these
+    let slack = 4.0 * f64::EPSILON * plane.points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
     for (&i, &f) in mesh.nodes.iter().zip(&level.spacing) {
         if is_seed(i) || !walls.region_of.contains_key(&i) {
             continue;
@@ -184,7 +186,7 @@ fn check_spacing(plane: &Plane, fine: &Map<'_>, options: Options, level: &Level,
         }
         for wall in &facets {
             let d = segment_distance(place(i), place(wall.tail), place(wall.head));
-            if d < rules.delta * f * (1.0 - ROUNDING) {
+            if d < rules.delta * f * (1.0 - ROUNDING) - slack {
                 return Err(format!("delta: node {i} is {d} from facet {:?}, f = {f}", [wall.tail, wall.head]));
             }
         }
