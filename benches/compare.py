@@ -62,6 +62,7 @@ def contestants(points: inputs.Points, cells: inputs.Cells) -> dict[str, Callabl
     ours = {
         "Mesh": lambda: coarsen.Mesh(points, cells),
         "hierarchy": lambda: coarsen.hierarchy(mesh),
+        "hierarchy, guard off": lambda: coarsen.hierarchy(mesh, min_angle=0),
         "hierarchy + prolongations": lambda: prolongations(coarsen.hierarchy(mesh)),
         "hierarchy, nodes shuffled": lambda: coarsen.hierarchy(far),
     }
@@ -113,10 +114,10 @@ def compare(nodes: int, repeat: int) -> dict[str, dict[str, float]]:
     }
 
 
-def growth(repeat: int) -> dict[str, dict[str, float]]:
+def growth(sizes: list[int], repeat: int) -> dict[str, dict[str, float]]:
     """Time everybody on quasi-uniform meshes of growing size, up to what each can bear."""
     times: dict[str, dict[str, float]] = {}
-    for nodes in GROWTH_NODES:
+    for nodes in sizes:
         runs = contestants(*inputs.quasi_uniform(nodes))
         kept = {name: run for name, run in runs.items() if nodes <= GROWTH_LIMIT.get(name, GROWTH_NODES[-1])}
         for name, seconds in medians(kept, repeat if nodes < GROWTH_NODES[-1] else 1).items():
@@ -124,10 +125,10 @@ def growth(repeat: int) -> dict[str, dict[str, float]]:
     return times
 
 
-def twins() -> dict[str, dict[str, float]]:
+def twins(sizes: list[int]) -> dict[str, dict[str, float]]:
     """Time the NumPy reference and the Rust core on the same meshes."""
     times: dict[str, dict[str, float]] = {}
-    for nodes in TWIN_NODES:
+    for nodes in sizes:
         mesh = coarsen.Mesh(*inputs.quasi_uniform(nodes))
         rust = medians({"rust": lambda mesh=mesh: coarsen.hierarchy(mesh)}, 3)
         times[str(nodes)] = rust | medians({"numpy": lambda mesh=mesh: coarsen.hierarchy(mesh, backend="numpy")}, 1)
@@ -138,7 +139,8 @@ def machine() -> str:
     """Return what the figures were measured with."""
     names = ("numpy", "scipy", "shull", "pykdtree", "pyamg", "mmgpy", "fast-simplification")
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names if installed(name))
-    return f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, {versions}"
+    load = f", {os.getloadavg()[0]:.1f} others at work when it began" if hasattr(os, "getloadavg") else ""
+    return f"{os.cpu_count()} cores{load}, {platform.machine()}, Python {platform.python_version()}, {versions}"
 
 
 def draw(times: dict[str, dict[str, float]], path: Path) -> None:
@@ -149,15 +151,15 @@ def draw(times: dict[str, dict[str, float]], path: Path) -> None:
     mpl.rcParams["svg.hashsalt"] = "coarsen"
     from matplotlib import pyplot as plt
 
-    figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
+    figure, ax = plt.subplots(figsize=(9.5, 5), layout="constrained")
     for name, seconds in times.items():
-        mine = name in ("Mesh", "hierarchy", "hierarchy + prolongations", "hierarchy, nodes shuffled")
+        mine = name == "Mesh" or name.startswith("hierarchy")
         nodes = [int(n) for n in seconds]
         label = f"coarsen: {name}" if mine else name
         ax.loglog(nodes, list(seconds.values()), "o-" if mine else "s--", lw=2.2 if mine else 1, ms=4, label=label)
     ax.set(xlabel="nodes", ylabel="seconds", title="Time against size, quasi-uniform meshes, median")
     ax.grid(which="major", alpha=0.3)
-    ax.legend(fontsize=8, loc="upper left")
+    figure.legend(fontsize=8, loc="outside right upper")
     figure.savefig(path, metadata={"Date": None})
 
 
@@ -177,8 +179,9 @@ def write_tables(results: dict) -> None:
         rows = [[n, t["rust"], t["numpy"], t["numpy"] / t["rust"]] for n, t in results["twins"].items()]
         tables.write("twins", tables.table(["nodes", "Rust, s", "NumPy, s", "NumPy / Rust"], rows))
     if "growth" in results:
-        header = ["", *(f"{n:,}, s" for n in GROWTH_NODES)]
-        rows = [[k, *(v.get(str(n), "–") for n in GROWTH_NODES)] for k, v in results["growth"].items()]
+        sizes = sorted({int(n) for seconds in results["growth"].values() for n in seconds})
+        header = ["", *(f"{n:,}, s" for n in sizes)]
+        rows = [[k, *(v.get(str(n), "–") for n in sizes)] for k, v in results["growth"].items()]
         tables.write("growth", f"![Time against nodes](results/times.svg)\n\n{tables.table(header, rows)}")
 
 
@@ -187,18 +190,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--nodes", type=int, default=1_000_000)
     parser.add_argument("--repeat", type=int, default=5)
-    parser.add_argument("--parts", nargs="+", default=["compare", "twins", "growth"], help="which measurements to make")
+    parser.add_argument(
+        "--parts", nargs="*", default=["compare", "twins", "growth"], help="what to measure (nothing: write only)"
+    )
+    parser.add_argument("--growth-nodes", type=int, nargs="+", default=GROWTH_NODES)
+    parser.add_argument("--twin-nodes", type=int, nargs="+", default=TWIN_NODES)
     parser.add_argument("--no-write", action="store_true", help="print, and leave the README alone")
     options = parser.parse_args()
     path = RESULTS / "compare.json"
     results = json.loads(path.read_text()) if path.exists() else {}
-    results["machine"] = machine()
     if "compare" in options.parts:
-        results |= {"compare": compare(options.nodes, options.repeat), "nodes": options.nodes}
+        results |= {"machine": machine(), "nodes": options.nodes, "compare": compare(options.nodes, options.repeat)}
     if "twins" in options.parts:
-        results["twins"] = twins()
+        results["twins"] = twins(options.twin_nodes)
     if "growth" in options.parts:
-        results["growth"] = growth(options.repeat)
+        results["growth"] = growth(options.growth_nodes, options.repeat)
     print(json.dumps(results, indent=1, ensure_ascii=False))
     if not options.no_write:
         RESULTS.mkdir(exist_ok=True)

@@ -373,7 +373,7 @@ fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
     domain.nodes().iter().for_each(|&node| on_facet[node as usize] = true);
     let mut nodes: Vec<u32> = (0..facets as u32).map(|v| domain.copies(v)[0]).collect();
     nodes.extend((0..points.len() as u32).filter(|&i| !on_facet[i as usize]));
-    let place: Vec<Point<2>> = nodes.iter().map(|&i| points[i as usize]).collect();
+    let place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
     let tree = KdTree::new(&place);
     let mut numbers: Vec<u32> = (0..nodes.len() as u32).collect();
     let interior = tree.order().iter().filter(|&&k| k as usize >= facets);
@@ -386,8 +386,8 @@ fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
         .collect();
     nodes.truncate(facets);
     nodes.extend(sorted);
-    let place = nodes.iter().map(|&i| points[i as usize]).collect();
-    Candidates { tree: Cow::Owned(tree.renumbered(&numbers)), points: place, nodes: Cow::Owned(nodes) }
+    let place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
+    Candidates { tree: Cow::Owned(tree.renumbered(&numbers)), points: Cow::Owned(place), nodes: Cow::Owned(nodes) }
 }
 
 /// A given spacing at the candidates, the least of a vertex's copies.
@@ -438,13 +438,13 @@ impl Builder<'_> {
             let last = &self.pools[self.pools.len() - 1];
             let f = self.spacing_in(level, last)?;
             let finer = self.factor(self.lag);
-            let scaled: Vec<f64> = f.iter().map(|value| value / finer).collect();
+            let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
             let order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
             // ascending, so that the spatial order of the finest pool stays
             let chosen =
                 greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
             let picked: Vec<u32> = (0..facets as u32).chain(chosen).collect();
-            let points: Vec<Point<2>> = picked.iter().map(|&k| last.candidates.points[k as usize]).collect();
+            let points: Vec<Point<2>> = picked.par_iter().map(|&k| last.candidates.points[k as usize]).collect();
             let pool = Pool {
                 candidates: Candidates {
                     tree: Cow::Owned(KdTree::new(&points)),

@@ -138,15 +138,15 @@ impl<const D: usize> KdTree<D> {
     /// Runtime: O(n log n), in parallel; the result does not depend on the number of threads.
     pub fn new(points: &[Point<D>]) -> Self {
         let mut items: Vec<Item<D>> =
-            points.iter().enumerate().map(|(i, &point)| Item { point, index: i as u32 }).collect();
+            points.par_iter().enumerate().map(|(i, &point)| Item { point, index: i as u32 }).collect();
         let mut first_leaf = 1;
         while items.len().div_ceil(first_leaf) > LEAF {
             first_leaf *= 2;
         }
         let whole = items.len();
         arrange(&mut items, 1, whole, first_leaf);
-        let order = items.iter().map(|item| item.index).collect();
-        let points: Vec<Point<D>> = items.iter().map(|item| item.point).collect();
+        let order = items.par_iter().map(|item| item.index).collect();
+        let points: Vec<Point<D>> = items.par_iter().map(|item| item.point).collect();
         drop(items);
         let mut tree = KdTree { points, order, positions: OnceLock::new(), bounds: Vec::new(), first_leaf };
         tree.bounds = tree.folded(Bounds::EMPTY, |range| Bounds::of(&tree.points[range]), Bounds::merged);

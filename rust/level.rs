@@ -183,7 +183,7 @@ pub fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], g
         return;
     }
     let tree: &KdTree<2> = &candidates.tree;
-    let in_leaves: Vec<f64> = tree.order().iter().map(|&k| f[k as usize]).collect();
+    let in_leaves: Vec<f64> = tree.order().par_iter().map(|&k| f[k as usize]).collect();
     let most = tree.node_max(&in_leaves);
     for &(v, room) in rooms {
         let p = candidates.points[v as usize];
@@ -219,7 +219,7 @@ pub fn near_facets(
     let facets = domain.len();
     let mut places = vec![Place::Inside; candidates.nodes.len() - facets];
     let tree: &KdTree<2> = &candidates.tree;
-    let in_leaves: Vec<f64> = tree.order().iter().map(|&k| f[k as usize]).collect();
+    let in_leaves: Vec<f64> = tree.order().par_iter().map(|&k| f[k as usize]).collect();
     let most = tree.node_max(&in_leaves);
     for chord in chords {
         let [a, b] = chord.vertices.map(|v| domain.points[v as usize]);

@@ -120,7 +120,7 @@ struct Free<'a, const D: usize> {
 impl<'a, const D: usize> Free<'a, D> {
     fn new(tree: &'a KdTree<D>, rule: Rule, f: Vec<f64>) -> Self {
         let most = tree.node_max(&f);
-        Free { most, tree, rule, f: f.into_iter().map(|f| AtomicU64::new(f.to_bits())).collect() }
+        Free { most, tree, rule, f: f.into_par_iter().map(|f| AtomicU64::new(f.to_bits())).collect() }
     }
 
     #[inline(always)]
@@ -229,7 +229,7 @@ fn prepared<'a, const D: usize>(tree: &'a KdTree<D>, f: &[f64], order: &[u32], k
         let weights = own.order().iter().map(|&k| weight(&order[k as usize])).collect();
         Board { positions: own.positions().to_vec(), tree: Cow::Owned(own), weights, kept }
     } else {
-        let positions: Vec<u32> = order.iter().map(|&i| all[i as usize]).collect();
+        let positions: Vec<u32> = order.par_iter().map(|&i| all[i as usize]).collect();
         let mut weights = vec![f64::NAN; tree.len()];
         order.iter().zip(&positions).for_each(|(&i, &p)| weights[p as usize] = f[i as usize]);
         keep.iter().for_each(|&i| weights[all[i as usize] as usize] = f64::NAN);

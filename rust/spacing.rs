@@ -74,7 +74,8 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     ///
     /// Runtime: O(n).
     pub fn new(tree: &'a KdTree<D>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
-        let in_leaf_order = |values: &[f64]| -> Vec<f64> { tree.order().iter().map(|&i| values[i as usize]).collect() };
+        let in_leaf_order =
+            |values: &[f64]| -> Vec<f64> { tree.order().par_iter().map(|&i| values[i as usize]).collect() };
         let g = in_leaf_order(g);
         let least_g = tree.node_min(&g);
         let cap = cap.map(|cap| {
@@ -345,9 +346,5 @@ fn in_blocks<const D: usize>(
 
 /// From leaf order to the original order.
 fn by_index<const D: usize>(tree: &KdTree<D>, in_leaf_order: &[f64]) -> Vec<f64> {
-    let mut values = vec![0.0; in_leaf_order.len()];
-    for (&index, &value) in tree.order().iter().zip(in_leaf_order) {
-        values[index as usize] = value;
-    }
-    values
+    tree.positions().par_iter().map(|&position| in_leaf_order[position as usize]).collect()
 }
