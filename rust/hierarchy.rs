@@ -15,9 +15,7 @@ use crate::drop::Dropped;
 use crate::error::Error;
 use crate::guard::{Guard, Outcome, Scene, better};
 use crate::kdtree::KdTree;
-use crate::level::{
-    Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, narrow_cells, select, triangulate,
-};
+use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::greedy_in_tiles;
@@ -31,9 +29,6 @@ pub const STALL: f64 = 0.95;
 
 /// How much finer than a level the pool must be that it draws from, where that pool serves several levels.
 const LEAST_RATIO: f64 = 1.9;
-
-/// How often a level is drawn again with facet vertices put back.
-const MOST_REDRAWS: usize = 2;
 
 /// No hierarchy is deeper than this: a factor near 1 could ask for thousands of levels.
 pub const MAX_LEVELS: usize = 512;
@@ -529,30 +524,12 @@ impl Builder<'_> {
         Ok((levels, seeds))
     }
 
-    /// Makes level i, whose f at the candidates of its pool this is. Where cells stay narrow next to chords that can be
-    /// split, it is drawn again with vertices put back there, and the better one kept.
+    /// Makes level i, whose f at the candidates of its pool this is.
     fn level(&mut self, i: usize, seeds: &Choice, f: Vec<f64>) -> Result<(Level, Choice), Error> {
         let p = self.put_at_hand(i)?;
         let none = Choice::default();
         let seeds = if self.options.nested { seeds } else { &none };
-        let mut drawn = self.draw(f.clone(), p, seeds)?;
-        if self.options.rules.hold && self.options.min_angle.is_some() {
-            let mut seeds = seeds.clone();
-            seeds.kept.resize(self.domain.len(), false);
-            for _ in 0..MOST_REDRAWS {
-                let (narrow, back) = narrow_cells(self.domain, &drawn.choice, &drawn.level);
-                if back.is_empty() {
-                    break;
-                }
-                back.iter().for_each(|&v| seeds.kept[v as usize] = true);
-                let again = self.draw(f.clone(), p, &seeds)?;
-                if narrow_cells(self.domain, &again.choice, &again.level).0 >= narrow {
-                    break;
-                }
-                drawn = again;
-            }
-        }
-        let Drawn { choice, f, level } = drawn;
+        let Drawn { choice, f, level } = self.draw(f, p, seeds)?;
         let mesh = assemble(self.domain, &choice, &level)?;
         let mut copies = HashMap::new();
         for v in (0..self.domain.len() as u32).filter(|&v| choice.kept[v as usize]) {

@@ -292,13 +292,6 @@ pub struct Triangulated {
     pub cells: Cells,
 }
 
-impl Triangulated {
-    /// Coordinates of a cell's corners.
-    fn corners(&self, t: usize) -> [Point<2>; 3] {
-        self.cells.cells[t].map(|v| self.points[v as usize])
-    }
-}
-
 /// Sites of a choice in a spatial order, and their coordinates.
 pub(crate) fn sites_of(domain: &Domain, points: &[Point<2>], choice: &Choice) -> (Vec<u32>, Vec<Point<2>>) {
     let facets = domain.len() as u32;
@@ -351,74 +344,6 @@ pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) ->
             }
         }
     }
-}
-
-/// Cosine of the angle (15 degrees) that a level's cells are held to wherever the domain lets them.
-const NARROW: f64 = 0.965_925_826_289_068_3;
-
-/// The number of cells under [`NARROW`] degrees, angles between two chords left aside, and facet vertices whose return
-/// would split a chord next to one: of its longest chord that spans several facet edges, the vertex nearest to the
-/// corner opposite; where it has none, of such chords at its corners the vertex whose distance to the farthest corner is
-/// least.
-pub fn narrow_cells(domain: &Domain, choice: &Choice, level: &Triangulated) -> (usize, Vec<u32>) {
-    let is_narrow = |&t: &usize| {
-        let (p, around) = (level.corners(t), &level.cells.constraints[t]);
-        let edge = |k: usize| [p[(k + 1) % 3][0] - p[k][0], p[(k + 1) % 3][1] - p[k][1]];
-        let is_sharp = |k: usize| {
-            let (out, back) = (edge(k), edge((k + 2) % 3));
-            let lengths = (out[0] * out[0] + out[1] * out[1]).sqrt() * (back[0] * back[0] + back[1] * back[1]).sqrt();
-            let between_chords = around[k] != NONE && around[(k + 2) % 3] != NONE;
-            !between_chords && -(out[0] * back[0] + out[1] * back[1]) > NARROW * lengths
-        };
-        (0..3).any(is_sharp)
-    };
-    let narrow: Vec<usize> = (0..level.cells.cells.len()).into_par_iter().filter(is_narrow).collect();
-    let (mut back, mut lonely) = (Vec::new(), Vec::new());
-    for &t in &narrow {
-        let (p, around) = (level.corners(t), &level.cells.constraints[t]);
-        let splits = |k: &usize| {
-            around[*k] != NONE && {
-                let chord = &choice.chords[around[*k] as usize / 2];
-                chord.to > chord.from + 1
-            }
-        };
-        let length = |k: usize| distance(&p[k], &p[(k + 1) % 3]);
-        let longest =
-            (0..3).filter(splits).max_by(|&j, &k| length(j).total_cmp(&length(k)).then(around[k].cmp(&around[j])));
-        if let Some(k) = longest {
-            let (chord, corner) = (&choice.chords[around[k] as usize / 2], &p[(k + 2) % 3]);
-            let chain = &domain.chains[chord.chain as usize];
-            let away = |v: u32| distance(&domain.points[v as usize], corner);
-            let inner = (chord.from + 1..chord.to).map(|position| chain.vertex(position));
-            back.extend(inner.min_by(|&v, &w| away(v).total_cmp(&away(w)).then(v.cmp(&w))));
-        } else {
-            lonely.push(&level.cells.cells[t]);
-        }
-    }
-    if !lonely.is_empty() {
-        let mut long: Vec<(u32, &Chord)> = Vec::new();
-        for chord in choice.chords.iter().filter(|chord| chord.to > chord.from + 1) {
-            long.extend(chord.vertices.map(|v| (v, chord)));
-        }
-        long.sort_by_key(|&(v, _)| v);
-        for cell in lonely {
-            let away = |v: u32| {
-                let to = |&s: &u32| distance(&domain.points[v as usize], &level.points[s as usize]);
-                cell.iter().map(to).fold(0.0, f64::max)
-            };
-            let at = |&s: &u32| {
-                let v = level.sites[s as usize];
-                let first = long.partition_point(|end| end.0 < v);
-                long[first..].iter().take_while(move |end| end.0 == v)
-            };
-            let inner = cell.iter().flat_map(at).flat_map(|(_, chord)| {
-                let chain = &domain.chains[chord.chain as usize];
-                (chord.from + 1..chord.to).map(|position| chain.vertex(position))
-            });
-            back.extend(inner.min_by(|&v, &w| away(v).total_cmp(&away(w)).then(v.cmp(&w))));
-        }
-    }
-    (narrow.len(), back)
 }
 
 /// Turns sites into node copies, carries tags to cells, lists the facets.

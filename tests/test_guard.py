@@ -42,11 +42,10 @@ def drawn_options(rng):
 
 
 def test_a_level_is_never_worse_than_without_and_a_tenth_larger_at_most():
-    """With "keep" a level may be drawn again besides, with facet nodes put back: fewer cells under 15 degrees."""
     rng = np.random.default_rng(SEED)
     mended = 0
     for mesh in domains(SEED, COUNT, most=400):
-        options = {**drawn_options(rng), "features": "plain", "nested": False, "levels": 3}
+        options = {**drawn_options(rng), "nested": False, "levels": 3}
         guarded = coarsen.hierarchy(mesh, **options)
         bare = coarsen.hierarchy(mesh, **{**options, "min_angle": 0})
         for level, before in zip(guarded[1:], bare[1:], strict=True):

@@ -32,7 +32,6 @@ from .level import (
     Triangulated,
     assemble,
     lowered,
-    narrow_cells,
     select,
     triangulate,
 )
@@ -45,8 +44,6 @@ if TYPE_CHECKING:
 
 LEAST_RATIO = 1.9
 """How much finer than a level the pool must be that it draws from, where that pool serves several levels."""
-MOST_REDRAWS = 2
-"""How often a level is drawn again with facet vertices put back."""
 MIN_ANGLE = 25.0
 """Degrees that the guard works for where nothing is said, but with features="plain"."""
 STALL = 0.95
@@ -213,19 +210,8 @@ class Builder:
         return chosen, Triangulated(sites, cells, apex)
 
     def level(self, i: int, seeds: Choice) -> tuple[dict[str, Any], Choice]:
-        """Make level i; where cells stay narrow next to chords that can be split, with vertices put back there."""
+        """Make level i."""
         chosen, level = self.draw(i, seeds)
-        if self.rules.hold and self.min_angle is not None:
-            seeds = replace(seeds, kept=seeds.kept.copy())
-            for _ in range(MOST_REDRAWS):
-                narrow, back = narrow_cells(self.domain, self.points, chosen.choice, level)
-                if not back:
-                    break
-                seeds.kept[list(back)] = True
-                again = self.draw(i, seeds)
-                if narrow_cells(self.domain, self.points, again[0].choice, again[1])[0] >= narrow:
-                    break
-                chosen, level = again
         mesh = assemble(self.domain, chosen.choice, level)
         p = self.pool_for(i)
         visits = len(chosen.f) + (chosen.pool.visits if p > 0 and i == p + self.lag else 0)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .chords import Chord, holds, piece, repair
+from .chords import Chord, holds, repair
 from .domain import Domain, Side, segment_distance_2
 from .point import NONE, Bools, Floats, Ints, distance
 from .selection import conflict_graph, greedy, greedy_in_tiles, rank
@@ -207,54 +207,6 @@ def flood(
             if (a, b) not in walls:
                 waiting.append((b, a))
     return cells, apex
-
-
-NARROW = 0.9659258262890683
-"""Cosine of the angle (15 degrees) that a level's cells are held to wherever the domain lets them."""
-
-
-def narrow_cells(domain: Domain, points: Floats, choice: Choice, level: Triangulated) -> tuple[int, set[int]]:
-    """Return the number of cells under 15 degrees, and facet vertices whose return would split a chord next to one.
-
-    Angles between two chords are left aside. Of a narrow cell's longest chord that spans several facet edges (the first
-    of equals) the vertex nearest to the corner opposite is to return; where it has none, of such chords at its corners
-    the vertex whose distance to the farthest corner is least.
-    """
-    site_of = {int(s): k for k, s in enumerate(level.sites)}
-    chord_of: dict[Edge, int] = {}
-    for c, chord in enumerate(choice.chords):
-        a, b = (site_of[v] for v in chord.vertices)
-        chord_of[a, b] = chord_of[b, a] = c
-    facets = len(domain)
-    place = [domain.points[s] if s < facets else points[s - facets] for s in level.sites]
-    narrow, back = 0, set()
-    for cell in level.cells:
-        p = [place[s] for s in cell]
-        edges = [p[k - 2] - p[k] for k in range(3)]
-        length = [float(np.sqrt(x * x + y * y)) for x, y in edges]
-        chords = [chord_of.get((cell[k], cell[k - 2]), NONE) for k in range(3)]
-        for k in range(3):
-            cosine = -(edges[k][0] * edges[k - 1][0] + edges[k][1] * edges[k - 1][1])
-            between_chords = chords[k] != NONE and chords[k - 1] != NONE
-            if not between_chords and cosine > NARROW * (length[k] * length[k - 1]):
-                break
-        else:
-            continue
-        narrow += 1
-        split = [k for k in range(3) if chords[k] != NONE and choice.chords[chords[k]].splits]
-        if split:
-            k = min(split, key=lambda k: (-length[k], chords[k]))
-            inner = piece(domain, choice.chords[chords[k]])[1:-1]
-            away = distance(domain.points[inner], p[k - 1])
-            back.add(int(min(zip(away, inner, strict=True))[1]))
-            continue
-        ends = {int(level.sites[s]) for s in cell}
-        long = [chord for chord in choice.chords if chord.splits and not ends.isdisjoint(chord.vertices)]
-        others = [v for chord in long for v in piece(domain, chord)[1:-1]]
-        if others:
-            away = np.max([distance(domain.points[others], corner) for corner in p], axis=0)
-            back.add(int(min(zip(away, others, strict=True))[1]))
-    return narrow, back
 
 
 def assemble(domain: Domain, choice: Choice, level: Triangulated) -> LevelMesh:
