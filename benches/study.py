@@ -53,7 +53,7 @@ def measure(found: dict[str, coarsen.Mesh], depths: dict[str, int], options: dic
         h = coarsen.hierarchy(mesh, levels=depths[name], **options)
         seconds += time.perf_counter() - start
         for level in h[1:]:
-            angles, at_facets = angles_of(level.mesh)
+            angles, at_facets = angles_of(level, mesh)
             free = np.where(at_facets, 180.0, angles).min(axis=1)
             least.append(free.min())
             all_angles.append(free)
