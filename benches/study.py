@@ -125,7 +125,7 @@ def main() -> None:
     else:
         made = f"Made by `python benches/study.py FOLDER --write docs` over {len(found)} meshes.\n\n{text}\n"
         (arguments.write / "study-table.md").write_text(made, encoding="utf-8")
-        picture(figures, arguments.write / "study.png")
+        picture(figures, arguments.write / "_static" / "study.png")
 
 
 if __name__ == "__main__":
