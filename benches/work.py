@@ -1,10 +1,11 @@
-"""The work of a hierarchy, counted: instructions and visited candidates, which no busy machine changes.
+"""The work of a hierarchy: instructions and visited candidates, which no busy machine changes, and time by stage.
 
-    python benches/work.py
+    python benches/work.py [MESH ...]
 
 Instructions come from `valgrind --tool=callgrind`, one thread, 20,000 nodes: those of a process that builds the
 hierarchy twice less those of one that builds it once. Visits are the candidates looked at, over all levels, for each
-node of the input. Writes the tables of README.md that are its own.
+node of the input. Stages are those that progress tells, looked at every 25 ms, for a million nodes and for the meshes
+given. Writes the tables of README.md that are its own.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
+from collections import Counter
 from pathlib import Path
 
 import coarsen
@@ -21,6 +24,8 @@ import inputs
 import tables
 
 NODES = 20_000
+STAGED_NODES = 1_000_000
+STAGES = ("domain", "spacing", "selection", "triangulation", "guard")
 VISITED_NODES = (20_000, 80_000, 320_000)
 MAKERS = {
     "quasi-uniform": "coarsen.Mesh(*inputs.quasi_uniform({n}))",
@@ -43,8 +48,34 @@ def instructions(maker: str, builds: int) -> int:
     return int(found[1])
 
 
+def by_stage(mesh: coarsen.Mesh, repeat: int = 5) -> dict[str, float]:
+    """Return the seconds of a hierarchy by stage: the share of looks that found it there, over some builds."""
+    looks: Counter[str] = Counter()
+    start = time.perf_counter()
+    for _ in range(repeat):
+        coarsen.hierarchy(mesh, progress=lambda stage, done, total: looks.update([stage]))
+    seconds = (time.perf_counter() - start) / repeat
+    return {stage: seconds * count / looks.total() for stage, count in looks.items()}
+
+
+def stages(paths: list[str]) -> None:
+    """Write the table of stages."""
+    meshes = {
+        "quasi-uniform, 1M": coarsen.Mesh(*inputs.quasi_uniform(STAGED_NODES)),
+        "graded, 1M": coarsen.Mesh(*inputs.graded(STAGED_NODES)),
+        **{Path(path).stem: coarsen.read(path) for path in paths},
+    }
+    rows = {name: by_stage(mesh) for name, mesh in meshes.items()}
+    header = ["input", *STAGES, "all, s"]
+    lines = [[name, *(row.get(stage, 0.0) for stage in STAGES), sum(row.values())] for name, row in rows.items()]
+    timed = tables.table(header, lines)
+    print(timed)
+    tables.write("stages", timed)
+
+
 def main() -> None:
     """Count, print, write."""
+    stages(sys.argv[1:])
     rows = []
     for name, maker in MAKERS.items():
         made = maker.format(n=NODES)
