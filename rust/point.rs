@@ -29,6 +29,16 @@ pub fn distance<const D: usize>(a: &Point<D>, b: &Point<D>) -> f64 {
 /// Twice the signed area of the triangle `a`, `b`, `c`, its sign exact: positive where they turn left.
 #[inline(always)]
 pub fn orient(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
-    let coord = |p: &Point<2>| robust::Coord { x: p[0], y: p[1] };
     robust::orient2d(coord(a), coord(b), coord(c))
+}
+
+/// Positive where `d` lies inside the circle through the triangle `a`, `b`, `c` that turns left, 0 on it; its sign exact.
+#[inline(always)]
+pub fn in_circle(a: &Point<2>, b: &Point<2>, c: &Point<2>, d: &Point<2>) -> f64 {
+    robust::incircle(coord(a), coord(b), coord(c), coord(d))
+}
+
+#[inline(always)]
+fn coord(p: &Point<2>) -> robust::Coord<f64> {
+    robust::Coord { x: p[0], y: p[1] }
 }

@@ -6,7 +6,7 @@
 //! of the facets that are left (Lawson 1977), and no smallest angle of two cells gets worse.
 
 use super::trim::{Trimmed, angles};
-use crate::point::{NONE, Point};
+use crate::point::{NONE, Point, in_circle};
 
 impl Trimmed {
     /// Frees the chords that bound nothing; `stays` says which are facets whatever lies beside them.
@@ -31,7 +31,7 @@ impl Trimmed {
             }
             let other = self.cells.neighbours[t][k] as usize;
             let back = self.edge_to(other, t);
-            if self.holds_opposite(t, k, other, back) {
+            if self.holds_opposite(t, other, back) {
                 self.flip((t, k), (other, back));
                 stack.extend([t, other].into_iter().flat_map(|t| (0..3).map(move |k| (t, k))));
             }
@@ -71,15 +71,11 @@ impl Trimmed {
         self.cells.neighbours[t].iter().position(|&n| n as usize == other).unwrap_or(0)
     }
 
-    fn holds_opposite(&self, t: usize, k: usize, other: usize, back: usize) -> bool {
-        let at = |s: u32| {
-            let [x, y] = self.points[s as usize];
-            robust::Coord { x, y }
-        };
-        let [a, b, c] = self.cells.cells[t];
+    /// Whether the corner of `other` that lies across its edge `back` is in the circle of `t`.
+    fn holds_opposite(&self, t: usize, other: usize, back: usize) -> bool {
+        let [a, b, c] = self.cells.cells[t].map(|s| &self.points[s as usize]);
         let opposite = self.cells.cells[other][(back + 2) % 3];
-        debug_assert!(self.cells.neighbours[t][k] as usize == other);
-        robust::incircle(at(a), at(b), at(c), at(opposite)) > 0.0
+        in_circle(a, b, c, &self.points[opposite as usize]) > 0.0
     }
 
     /// Turns the edge that two cells share.

@@ -3,7 +3,7 @@
 //! Ties of cocircular points are broken as if the lifting of the point with the lowest name were raised a little, so the
 //! triangulation is unique: a quadrilateral on a circle has the diagonal that avoids its lowest name. Predicates are exact.
 
-use crate::point::{NONE, Point, orient};
+use crate::point::{NONE, Point, in_circle, orient};
 use crate::triangulation::Cells;
 use rayon::prelude::*;
 
@@ -295,8 +295,7 @@ impl Patch {
 
     /// Whether `d` lies in the circle through `a`, `b`, `c` (counter-clockwise), ties broken by name.
     pub(super) fn in_circle(&self, [a, b, c]: [u32; 3], d: u32) -> bool {
-        let p = |v: u32| robust::Coord { x: self.points[v as usize][0], y: self.points[v as usize][1] };
-        let det = robust::incircle(p(a), p(b), p(c), p(d));
+        let det = in_circle(self.point(a), self.point(b), self.point(c), self.point(d));
         if det != 0.0 {
             return det > 0.0;
         }

@@ -69,13 +69,14 @@ def greedy(points: Floats, f: Floats, beta: float, order: Ints, keep: Ints) -> I
 
 
 def rank(order: Ints, f: Floats) -> Ints:
-    """Return candidates by descending f in steps of an eighth of an octave, ties by candidate.
-
-    A step is the exponent and the first three bits of the mantissa.
-    """
-    step = (f[order].view(np.int64) >> 49).astype(np.int64)
-    ranked: Ints = order[np.lexsort((order, -step))]
+    """Return candidates by descending f in steps of an eighth of an octave, ties by candidate."""
+    ranked: Ints = order[np.lexsort((order, -_step(f[order])))]
     return ranked
+
+
+def _step(f: Floats) -> Ints:
+    """Return the step of a spacing: exponent and first three bits of the mantissa."""
+    return f.view(np.int64) >> 49
 
 
 def greedy_in_tiles(points: Floats, f: Floats, beta: float, order: Ints, keep: Ints) -> Ints:
@@ -94,8 +95,7 @@ def greedy_in_tiles(points: Floats, f: Floats, beta: float, order: Ints, keep: I
         deep = (below == low) | ((own - below) * beta > reach)
         deep &= (above == high) | ((above - own) * beta > reach)
         place[tile[deep.all(axis=1)]] = number
-    step = (f[order].view(np.int64) >> 49).astype(np.int64)
-    return np.sort(greedy(points, f, beta, order[np.lexsort((order, place[order], -step))], keep))
+    return np.sort(greedy(points, f, beta, order[np.lexsort((order, place[order], -_step(f[order])))], keep))
 
 
 def independent_set(
