@@ -29,7 +29,21 @@ pub fn distance<const D: usize>(a: &Point<D>, b: &Point<D>) -> f64 {
 /// Twice the signed area of the triangle `a`, `b`, `c`, its sign exact: positive where they turn left.
 #[inline(always)]
 pub fn orient(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
-    robust::orient2d(coord(a), coord(b), coord(c))
+    let turn = robust::orient2d(coord(a), coord(b), coord(c));
+    if turn != 0.0 { turn } else { orient_magnified(a, b, c) }
+}
+
+/// [`orient`] where products of tiny differences may have vanished: a power of two changes no sign, and coordinates over
+/// it need none.
+#[cold]
+fn orient_magnified(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
+    const FACTOR: f64 = f64::from_bits((1023 + 400) << 52);
+    const LARGEST: f64 = f64::from_bits((1023 + 100) << 52);
+    if [a, b, c].into_iter().flatten().any(|x| x.abs() > LARGEST) {
+        return 0.0;
+    }
+    let [a, b, c] = [a, b, c].map(|p| coord(&p.map(|x| x * FACTOR)));
+    robust::orient2d(a, b, c)
 }
 
 /// Positive where `d` lies inside the circle through the triangle `a`, `b`, `c` that turns left, 0 on it; its sign exact.
