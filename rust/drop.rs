@@ -16,6 +16,7 @@ mod assemble;
 mod flip;
 mod levels;
 mod mend;
+mod parts;
 mod pinch;
 mod trim;
 
@@ -26,6 +27,7 @@ use crate::level::{Candidates, Choice, LevelMesh, Rules, select_interior};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::selection::{greedy, rank};
+use parts::Parts;
 use std::collections::HashMap;
 
 pub use assemble::Dropped;
@@ -120,6 +122,7 @@ pub struct Ground<'a> {
     sight: Sight<'a>,
     /// For each node an eye: a cell that has it.
     home: Vec<u32>,
+    parts: Parts,
     /// Tag of every cell, empty where all have `tag`.
     tags: Vec<i64>,
     tag: i64,
@@ -157,6 +160,7 @@ impl<'a> Ground<'a> {
             vertex_of: (0..domain.len() as u32)
                 .flat_map(|v| domain.copies(v).iter().map(move |&node| (node, v)))
                 .collect(),
+            parts: Parts::new(input, &home),
             home,
             tags,
             tag,
@@ -197,7 +201,7 @@ impl<'a> Ground<'a> {
         for round in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
             choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles, &choice.chords);
-            let Some(mut cells) = self.triangulate(choice, f)? else { break };
+            let Some(mut cells) = self.triangulate(choice, f, is_allowed)? else { break };
             cells.peel(RIM_ANGLE_DEG, most_area);
             cells.unpinch(RIM_ANGLE_DEG, |site| self.runs(site));
             cells.drop_crumbs();

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 import coarsen
 from coarsen import gallery
@@ -102,3 +104,53 @@ def test_levels_of_random_domains_are_meshes(features, method):
                 assert_is_delaunay(level.mesh.points, np.asarray(level.mesh.cells), level.mesh.topology.facets)
                 area = area_of(mesh) + level.dropped["area_gained"] - level.dropped["area_lost"]
                 assert area_of(level.mesh) == pytest.approx(area, rel=1e-9)
+
+
+def parts_of(mesh):
+    """The part of each cell: cells that share an edge are of one."""
+    cells = np.asarray(mesh.cells)
+    ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    _, edge = np.unique(ends, axis=0, return_inverse=True)
+    graph = coo_matrix((np.ones(edge.size), (np.repeat(np.arange(len(cells)), 3), edge.reshape(-1))))
+    return connected_components(graph @ graph.T, directed=False)[1]
+
+
+def assert_parts_stay_apart(h):
+    """The nodes of a part of a level all belong to one part of the input."""
+    fine = parts_of(h[0].mesh)
+    of_node = np.zeros((h[0].mesh.n_points, fine.max() + 1), dtype=bool)
+    of_node[np.asarray(h[0].mesh.cells), fine[:, None]] = True
+    for level in h:
+        of_cell = parts_of(level.mesh)
+        nodes = np.asarray(level.nodes)[np.asarray(level.mesh.cells)]
+        for part in range(of_cell.max() + 1):
+            assert of_node[nodes[of_cell == part].reshape(-1)].all(axis=0).any()
+
+
+def beside(mesh, shift):
+    """A mesh and a copy of it moved, as two parts."""
+    points, cells = np.asarray(mesh.points), np.asarray(mesh.cells)
+    return coarsen.Mesh(np.concatenate([points, points + shift]), np.concatenate([cells, cells + len(points)]))
+
+
+@pytest.mark.parametrize("features", ["drop", "auto"])
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 0.003, 0.1])
+def test_parts_beside_each_other_are_never_joined(gap, features):
+    square = gallery.square(800)
+    h = coarsen.hierarchy(beside(square, [1.0 + gap, 0.0]), features=features, coarsest=20)
+    assert h[-1].mesh.n_cells <= 20
+    assert_parts_stay_apart(h)
+
+
+@pytest.mark.parametrize("features", ["drop", "auto"])
+@pytest.mark.parametrize("seed", [0, 3, 8, 11, 376, 388])
+def test_parts_of_random_domains_are_never_joined(seed, features):
+    meshes = [mesh for mesh in domains(seed, 6, most=400) if parts_of(mesh).max() > 0]
+    for mesh in meshes:
+        assert_parts_stay_apart(coarsen.hierarchy(mesh, features=features, coarsest=4))
+
+
+@pytest.mark.parametrize("name", ["su2_rotating_cylinders_multizone", "thetis_lagoon", "gridded_fvcom"])
+def test_zones_of_real_meshes_are_never_joined(meshes, name):
+    arrays = np.load(meshes / f"{name}.npz")
+    assert_parts_stay_apart(coarsen.hierarchy(coarsen.Mesh(arrays["points"], arrays["triangles"]), features="drop"))

@@ -52,11 +52,14 @@ impl Ground<'_> {
         trimmed: &mut Trimmed,
         is_allowed: impl Fn(u32) -> bool,
     ) -> Result<(LevelMesh, Dropped), Error> {
-        let alive: Vec<usize> = trimmed.alive().collect();
-        let corners = loop {
+        let (alive, corners) = loop {
+            let alive: Vec<usize> = trimmed.alive().collect();
             let corners = self.corners(choice, trimmed, &alive, &is_allowed)?;
+            if trimmed.part_again(&alive, &corners) {
+                continue;
+            }
             if !trimmed.close_slits(&alive, &corners) {
-                break corners;
+                break (alive, corners);
             }
             trimmed.free_moot_chords(|c| self.is_given(&choice.chords[c]));
         };
@@ -154,8 +157,9 @@ impl Ground<'_> {
                     cells.constraints[last][(trimmed.corner(last, s) + 2) % 3],
                 );
                 let asked = [self.copy(choice, begin, true), self.copy(choice, end, false)];
-                let asked = asked.into_iter().flatten().find(|&node| is_allowed(node));
-                let lowest = || copies.iter().copied().find(|&node| is_allowed(node));
+                let fits = |node: u32| is_allowed(node) && self.is_of(node, trimmed.part[t]);
+                let asked = asked.into_iter().flatten().find(|&node| fits(node));
+                let lowest = || copies.iter().copied().find(|&node| fits(node));
                 let node = asked
                     .or_else(lowest)
                     .ok_or_else(|| Error::Internal(format!("no copy of facet vertex {site} is left")))?;
@@ -166,7 +170,7 @@ impl Ground<'_> {
     }
 
     /// The copy that the inside cell at a constraint has where its edge starts, or else where it ends.
-    fn copy(&self, choice: &Choice, constraint: u32, at_start: bool) -> Option<u32> {
+    pub(super) fn copy(&self, choice: &Choice, constraint: u32, at_start: bool) -> Option<u32> {
         if constraint == NONE {
             return None;
         }

@@ -152,7 +152,7 @@ impl Builder<'_> {
                 Some(made) => Some(made),
                 None => {
                     let finer = k.checked_sub(1).map(|k| &plans[k]);
-                    self.denser(&ground, finer, allowed.as_deref())?.map(|(plan, made)| {
+                    self.denser(&ground, first + k, finer, allowed.as_deref())?.map(|(plan, made)| {
                         plans[k] = plan;
                         made
                     })
@@ -186,11 +186,12 @@ impl Builder<'_> {
         Ok(levels)
     }
 
-    /// A level in place of one that has no cell: from the nodes of the finer level, with a spacing made smaller until there
-    /// is a cell.
+    /// A level in place of level i, which has no cell: from the nodes of the finer plan, or of all that levels draw from, with
+    /// a spacing made smaller until there is a cell.
     fn denser(
         &mut self,
         ground: &Ground<'_>,
+        i: usize,
         finer: Option<&Plan>,
         allowed: Option<&[bool]>,
     ) -> Result<Option<(Plan, Made)>, Error> {
@@ -209,7 +210,7 @@ impl Builder<'_> {
                 nodes.append(&mut interior);
                 (f, nodes)
             }
-            None => (self.spacing_in(0, &self.pools[0])?, self.pools[0].candidates.nodes.to_vec()),
+            None => (self.spacing_in(i - 1, &self.pools[0])?, self.pools[0].candidates.nodes.to_vec()),
         };
         let points: Vec<Point<2>> = all.iter().map(|&node| self.input.points[node as usize]).collect();
         let tree = Cow::Owned(KdTree::new(&points));

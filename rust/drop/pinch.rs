@@ -33,8 +33,8 @@ impl Trimmed {
         };
         for s in 0..self.sites.len() as u32 {
             while cell_at[s as usize] != NONE && excess(self, s) > 0 {
-                let mut best: Option<(f64, Vec<u32>, Option<i64>)> = None;
-                for (cells, label) in self.ways(cell_at[s as usize], s, limit_deg) {
+                let mut best: Option<(f64, Vec<u32>, Option<i64>, u32)> = None;
+                for (cells, label, part) in self.ways(cell_at[s as usize], s, limit_deg) {
                     let mut sites: Vec<u32> = cells.iter().flat_map(|&t| self.cells.cells[t as usize]).collect();
                     sites.sort_unstable();
                     sites.dedup();
@@ -46,11 +46,13 @@ impl Trimmed {
                     cells.iter().zip(old).for_each(|(&t, old)| self.label[t as usize] = old);
                     let change: f64 = cells.iter().map(|&t| self.area_of(t as usize)).sum();
                     if after < before && best.as_ref().is_none_or(|(least, ..)| change < *least) {
-                        best = Some((change, cells, label));
+                        best = Some((change, cells, label, part));
                     }
                 }
-                let Some((_, cells, label)) = best else { break };
-                cells.iter().for_each(|&t| self.label[t as usize] = label);
+                let Some((_, cells, label, part)) = best else { break };
+                for &t in &cells {
+                    (self.label[t as usize], self.part[t as usize]) = (label, part);
+                }
             }
         }
     }
@@ -68,8 +70,8 @@ impl Trimmed {
         t != NONE && self.label[t as usize].is_some()
     }
 
-    /// Short runs to be cut off (no label) and short gaps to be filled (with a label).
-    fn ways(&self, t: u32, s: u32, limit_deg: f64) -> Vec<(Vec<u32>, Option<i64>)> {
+    /// Short runs to be cut off (no label) and short gaps to be filled (with a label and a part).
+    fn ways(&self, t: u32, s: u32, limit_deg: f64) -> Vec<(Vec<u32>, Option<i64>, u32)> {
         let mut fan = self.fan(t, s);
         let n = fan.len();
         let Some(start) = (0..n).find(|&i| self.is_in(fan[i]) && !self.is_in(fan[(i + n - 1) % n])) else {
@@ -77,15 +79,17 @@ impl Trimmed {
         };
         fan.rotate_left(start);
         let mut ways = Vec::new();
-        let mut last_label = None;
+        let (mut last_label, mut last_part) = (None, 0);
         for run in fan.chunk_by(|&a, &b| self.is_in(a) == self.is_in(b)) {
             let is_in = self.is_in(run[0]);
             if is_in {
-                last_label = self.label[run[run.len() - 1] as usize];
+                let last = run[run.len() - 1] as usize;
+                (last_label, last_part) = (self.label[last], self.part[last]);
             }
-            let fits = is_in || run.iter().all(|&t| t != NONE && self.angle[t as usize] >= limit_deg);
+            let fills = |t: u32| t != NONE && self.angle[t as usize] >= limit_deg && self.fits(t as usize, last_part);
+            let fits = is_in || run.iter().all(|&t| fills(t));
             if run.len() <= MOST_CELLS && fits {
-                ways.push((run.to_vec(), if is_in { None } else { last_label }));
+                ways.push((run.to_vec(), if is_in { None } else { last_label }, last_part));
             }
         }
         ways

@@ -21,6 +21,10 @@ pub struct Trimmed {
     pub cells: Cells,
     /// Tag of each cell of the level, `None` for the others.
     pub label: Vec<Option<i64>>,
+    /// Part of each cell, 0 where there is but one.
+    pub part: Vec<u32>,
+    /// Parts that each site may belong to; empty where there is but one.
+    pub parts_at: Vec<Vec<u32>>,
     /// Whether cells on both sides of a constraint end at it.
     pub is_slit: Vec<bool>,
     /// Smallest angle of each cell in degrees.
@@ -29,7 +33,12 @@ pub struct Trimmed {
 
 impl Ground<'_> {
     /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all.
-    pub fn triangulate(&self, choice: &Choice, f: &[f64]) -> Result<Option<Trimmed>, Error> {
+    pub fn triangulate(
+        &self,
+        choice: &Choice,
+        f: &[f64],
+        is_allowed: impl Fn(u32) -> bool,
+    ) -> Result<Option<Trimmed>, Error> {
         let domain = self.domain;
         let (sites, points) = sites_of(domain, self.input.points, choice);
         let constraints = constraints_of(domain, choice, &sites, |chord| sides(domain, chord));
@@ -41,8 +50,10 @@ impl Ground<'_> {
             .collect();
         let mut is_slit: Vec<bool> = constraints.iter().map(|c| c.wall && c.left && c.right).collect();
         failed.iter().for_each(|&c| is_slit[c as usize] = false);
-        let mut trimmed = Trimmed { label: vec![None; cells.cells.len()], sites, points, cells, is_slit, angle };
+        let (label, part) = (vec![None; cells.cells.len()], vec![0; cells.cells.len()]);
+        let mut trimmed = Trimmed { label, part, parts_at: Vec::new(), sites, points, cells, is_slit, angle };
         self.label(choice, f, &failed, &mut trimmed);
+        self.part(choice, &mut trimmed, is_allowed);
         let is_empty = trimmed.label.iter().all(|label| label.is_none());
         Ok((!is_empty).then_some(trimmed))
     }
@@ -144,11 +155,12 @@ impl Trimmed {
         (0..self.label.len()).filter(|&t| self.label[t].is_some())
     }
 
-    /// The cell of the level across an edge of a cell; [`NONE`] where there is none, or a slit between.
+    /// The cell of the level across an edge of a cell; [`NONE`] where there is none, a slit between, or another part.
     pub fn across(&self, t: usize, k: usize) -> u32 {
         let (next, constraint) = (self.cells.neighbours[t][k], self.cells.constraints[t][k]);
         let is_slit = constraint != NONE && self.is_slit[constraint as usize / 2];
-        if next == NONE || is_slit || self.label[next as usize].is_none() { NONE } else { next }
+        let ends = |next: usize| self.label[next].is_none() || self.part[next] != self.part[t];
+        if next == NONE || is_slit || ends(next as usize) { NONE } else { next }
     }
 
     /// Which corner of a cell a site is.

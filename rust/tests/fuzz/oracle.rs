@@ -4,7 +4,7 @@ use super::Plane;
 use super::topology::{Map, Wall, Walls, edge_key, geometry_fault, orient, outline};
 use _core::hierarchy::{Level, Method, Options};
 use _core::point::NONE;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 /// Room for rounding where the package computes in floats.
 const ROUNDING: f64 = 1e-9;
@@ -46,6 +46,7 @@ fn check_level(plane: &Plane, map: &Map<'_>, options: Options, level: &Level, co
         if let Some(tag) = mesh.cell_tags.iter().find(|tag| !plane.tags.contains(tag)) {
             return Err(format!("tags: {tag} is no tag of the input"));
         }
+        check_parts(map, &coarse)?;
     } else {
         check_domain(map, &coarse, level)?;
     }
@@ -109,6 +110,31 @@ fn check_domain(fine: &Map<'_>, coarse: &Map<'_>, level: &Level) -> Fault {
     }
     if let Some((i, _)) = have.region_of.iter().find(|&(i, region)| want.region_of.get(i) != Some(region)) {
         return Err(format!("domain: node {i} changed its region"));
+    }
+    Ok(())
+}
+
+/// The nodes of a part of the level are all of one part of the input: parts may be cut or vanish, and are never joined.
+fn check_parts(fine: &Map<'_>, coarse: &Map<'_>) -> Fault {
+    let parts_of = |map: &Map<'_>| {
+        let mut parts: HashMap<u32, HashSet<u32>> = HashMap::new();
+        for (cell, part) in map.cells.iter().zip(map.components(|_, _| true)) {
+            cell.iter().for_each(|&i| {
+                parts.entry(i).or_default().insert(part);
+            });
+        }
+        parts
+    };
+    let of_node = parts_of(fine);
+    let mut common: HashMap<u32, HashSet<u32>> = HashMap::new();
+    for (i, parts) in parts_of(coarse) {
+        for part in parts {
+            let left = common.entry(part).or_insert_with(|| of_node[&i].clone());
+            left.retain(|one| of_node[&i].contains(one));
+            if left.is_empty() {
+                return Err(format!("parts: node {i} is joined to another part"));
+            }
+        }
     }
     Ok(())
 }
