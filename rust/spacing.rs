@@ -223,6 +223,8 @@ impl<const D: usize> Level<'_, '_, D> {
             *best = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
         }
         let limit = Cell::new(greatest(best));
+        // the leaf that won last, and the query there: which of its sites it was is asked once, at the end
+        let mut last = None;
         tree.descend_from(
             start,
             |node| self.least[node] + slope * tree.bounds(node).gap_2(around).sqrt() < limit.get(),
@@ -232,21 +234,22 @@ impl<const D: usize> Level<'_, '_, D> {
                 let lone = bounds.is_location();
                 let mut bound = [0.0; LEAF];
                 queries.iter().zip(&mut bound).for_each(|(x, b)| *b = least + slope * bounds.distance_2(x).sqrt());
-                for ((x, &bound), best) in queries.iter().zip(&bound).zip(best.iter_mut()) {
-                    if bound < *best && lone {
-                        *best = bound;
-                        *winner = Some(range.start);
-                    } else if bound < *best {
-                        let value = self.least_cone(range.clone(), x);
+                for (k, ((x, &bound), best)) in queries.iter().zip(&bound).zip(best.iter_mut()).enumerate() {
+                    if bound < *best {
+                        let value = if lone { bound } else { self.least_cone(range.clone(), x) };
                         if value < *best {
                             *best = value;
-                            *winner = range.clone().find(|&p| self.cone(p, x) == value);
+                            last = Some((if lone { range.start..range.start + 1 } else { range.clone() }, k));
                         }
                     }
                 }
                 limit.set(greatest(best));
             },
         );
+        if let Some((mut range, k)) = last {
+            let any = range.start;
+            *winner = range.find(|&p| self.cone(p, &queries[k]) == best[k]).or(Some(any));
+        }
     }
 }
 
