@@ -212,6 +212,12 @@ impl<const D: usize> KdTree<D> {
         first..2 * first
     }
 
+    /// The leaf that holds a position.
+    #[inline(always)]
+    pub fn leaf_of(&self, position: usize) -> usize {
+        self.first_leaf + ((position + 1) * self.first_leaf).div_ceil(self.len()) - 1
+    }
+
     /// The leaves under a node.
     pub fn leaves(&self, node: usize) -> Range<usize> {
         let below = self.first_leaf.ilog2() - node.ilog2();

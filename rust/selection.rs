@@ -12,13 +12,13 @@ mod tiles;
 pub use tiles::{greedy_in_tiles, rank};
 
 use crate::error::Error;
-use crate::kdtree::{GRAIN, KdTree};
+use crate::kdtree::{GRAIN, KdTree, LEAF};
 use crate::point::{Point, distance_2};
 use crate::progress::Progress;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashSet;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Where candidates are fewer than one in so many points of the tree, they get a tree of their own.
 const FEW: usize = 4;
@@ -107,39 +107,66 @@ fn may_conflict<const D: usize>(tree: &KdTree<D>, rule: Rule, node: usize, x: &P
     rule.possible(d_2, sum) && !(d_2 == 0.0 && bounds.is_location())
 }
 
-/// The candidates that are still free: their f in leaf order (NaN for all others), and the greatest by node.
+/// The candidates that are still free.
 ///
-/// Threads may block at once: whoever reads an f sees it as it was or as blocked.
+/// Threads may block at once: whoever looks at a candidate sees it as it was or as blocked.
 struct Free<'a, const D: usize> {
     tree: &'a KdTree<D>,
     rule: Rule,
-    f: Vec<AtomicU64>,
+    /// f in leaf order.
+    f: Vec<f64>,
+    /// The greatest f of a candidate by node.
     most: Vec<f64>,
+    /// A bit for each point of a leaf that is free.
+    open: Vec<AtomicU8>,
+    first_leaf: usize,
 }
 
+/// Some points of a leaf, as bits.
+type Bits = u8;
+const _: () = assert!(LEAF <= Bits::BITS as usize);
+
 impl<'a, const D: usize> Free<'a, D> {
+    /// `f` in leaf order, NaN for points that are no candidates.
     fn new(tree: &'a KdTree<D>, rule: Rule, f: Vec<f64>) -> Self {
         let most = tree.node_max(&f);
-        Free { most, tree, rule, f: f.into_par_iter().map(|f| AtomicU64::new(f.to_bits())).collect() }
+        let leaves = tree.leaves(1);
+        let bits = |own: &[f64]| own.iter().rev().fold(0, |bits, f| bits << 1 | Bits::from(!f.is_nan()));
+        let open = leaves.clone().into_par_iter().map(|leaf| AtomicU8::new(bits(&f[tree.range(leaf)]))).collect();
+        Free { tree, rule, f, most, open, first_leaf: leaves.start }
+    }
+
+    /// The leaf of a position and its bit there.
+    #[inline(always)]
+    fn bit(&self, position: usize) -> (usize, Bits) {
+        let leaf = self.tree.leaf_of(position);
+        (leaf, 1 << (position - self.tree.range(leaf).start))
     }
 
     #[inline(always)]
-    fn f(&self, position: usize) -> f64 {
-        f64::from_bits(self.f[position].load(Ordering::Relaxed))
+    fn open(&self, leaf: usize) -> &AtomicU8 {
+        &self.open[leaf - self.first_leaf]
+    }
+
+    /// The f of a candidate if it is free.
+    #[inline(always)]
+    fn f(&self, position: usize) -> Option<f64> {
+        let (leaf, bit) = self.bit(position);
+        (self.open(leaf).load(Ordering::Relaxed) & bit != 0).then(|| self.f[position])
     }
 
     #[inline(always)]
-    fn block(&self, position: usize) {
-        self.f[position].store(f64::NAN.to_bits(), Ordering::Relaxed);
+    fn block(&self, leaf: usize, bits: Bits) {
+        self.open(leaf).fetch_and(!bits, Ordering::Relaxed);
     }
 
     /// The f of a candidate that is free, which it then is no more.
     #[inline(always)]
     fn take(&self, position: usize) -> Option<f64> {
-        let f = self.f(position);
-        (!f.is_nan()).then(|| {
-            self.block(position);
-            f
+        let (leaf, bit) = self.bit(position);
+        (self.open(leaf).load(Ordering::Relaxed) & bit != 0).then(|| {
+            self.block(leaf, bit);
+            self.f[position]
         })
     }
 
@@ -147,36 +174,50 @@ impl<'a, const D: usize> Free<'a, D> {
     fn block_conflicts(&self, kept: &[(Point<D>, f64)], progress: &Progress) -> Result<(), Error> {
         kept.par_chunks(ASKED_AT_ONCE).try_for_each(|kept| {
             progress.check()?;
-            let mut found = Vec::new();
-            for (x, f) in kept {
-                found.clear();
-                self.conflicts(x, *f, &mut found);
-                found.iter().for_each(|&q| self.block(q as usize));
-            }
+            kept.iter().for_each(|(x, f)| self.conflicts(x, *f, |leaf, bits| self.block(leaf, bits)));
             Ok(())
         })
     }
 
-    /// Leaf positions of the free candidates that conflict with x.
-    fn conflicts(&self, x: &Point<D>, f: f64, found: &mut Vec<u32>) {
+    /// Calls `found` with the leaves that have free candidates in conflict with x, and which.
+    #[inline(always)]
+    fn conflicts(&self, x: &Point<D>, f: f64, mut found: impl FnMut(usize, Bits)) {
         self.tree.descend(
             |node| may_conflict(self.tree, self.rule, node, x, f + self.most[node]),
-            |_, range| {
-                for q in range {
-                    if self.rule.conflict(distance_2(&self.tree.points()[q], x), f + self.f(q)) {
-                        found.push(q as u32);
+            |node, _| {
+                for leaf in self.tree.leaves(node) {
+                    let open = self.open(leaf).load(Ordering::Relaxed);
+                    if open != 0 {
+                        let bits = self.conflicts_in(leaf, open, x, f);
+                        if bits != 0 {
+                            found(leaf, bits);
+                        }
                     }
                 }
             },
         );
     }
 
+    /// Which of some points of a leaf conflict with x.
+    #[inline(always)]
+    fn conflicts_in(&self, leaf: usize, mut open: Bits, x: &Point<D>, f: f64) -> Bits {
+        let start = self.tree.range(leaf).start;
+        let mut bits = 0;
+        while open != 0 {
+            let lane = open.trailing_zeros();
+            open &= open - 1;
+            let q = start + lane as usize;
+            bits |= Bits::from(self.rule.conflict(distance_2(&self.tree.points()[q], x), f + self.f[q])) << lane;
+        }
+        bits
+    }
+
     /// The conflicts of several at once: for each of `asked` the end of its run in the list of its chunk.
-    fn all_conflicts(&self, asked: &[(Point<D>, f64)]) -> Vec<(Vec<u32>, Vec<usize>)> {
+    fn all_conflicts(&self, asked: &[(Point<D>, f64)]) -> Vec<(Vec<(usize, Bits)>, Vec<usize>)> {
         let chunk = |asked: &[(Point<D>, f64)]| {
             let (mut found, mut ends) = (Vec::with_capacity(16 * asked.len()), Vec::with_capacity(asked.len()));
             for (x, f) in asked {
-                self.conflicts(x, *f, &mut found);
+                self.conflicts(x, *f, |leaf, bits| found.push((leaf, bits)));
                 ends.push(found.len());
             }
             (found, ends)
@@ -252,8 +293,7 @@ fn pass<const D: usize>(free: &Free<'_, D>, order: &[u32], progress: &Progress) 
         asked.clear();
         while next < order.len() && members.len() < batch {
             let p = order[next] as usize;
-            let f = free.f(p);
-            if !f.is_nan() {
+            if let Some(f) = free.f(p) {
                 members.push(next);
                 asked.push((free.tree.points()[p], f));
             }
@@ -265,7 +305,7 @@ fn pass<const D: usize>(free: &Free<'_, D>, order: &[u32], progress: &Progress) 
             let mut start = 0;
             for (&k, &end) in members.iter().zip(ends) {
                 if free.take(order[k] as usize).is_some() {
-                    blocked[start..end].iter().for_each(|&q| free.block(q as usize));
+                    blocked[start..end].iter().for_each(|&(leaf, bits)| free.block(leaf, bits));
                     joined.push(k);
                 }
                 start = end;

@@ -67,13 +67,10 @@ pub fn greedy_in_tiles<const D: usize>(
     let free = Free::new(&board.tree, Rule::new(beta), board.weights);
     free.block_conflicts(&board.kept, progress)?;
     let take = |range: Range<usize>, joined: &mut Vec<u32>| {
-        let mut found = Vec::new();
         for k in range {
             let p = board.positions[k] as usize;
             if let Some(f) = free.take(p) {
-                found.clear();
-                free.conflicts(&free.tree.points()[p], f, &mut found);
-                found.iter().for_each(|&q| free.block(q as usize));
+                free.conflicts(&free.tree.points()[p], f, |leaf, bits| free.block(leaf, bits));
                 joined.push(sorted[k]);
             }
         }
