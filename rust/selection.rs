@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashSet;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Where candidates are fewer than one in so many points of the tree, they get a tree of their own.
 const FEW: usize = 4;
@@ -118,13 +118,16 @@ struct Free<'a, const D: usize> {
     /// The greatest f of a candidate by node.
     most: Vec<f64>,
     /// A bit for each point of a leaf that is free.
-    open: Vec<AtomicU8>,
+    open: Vec<AtomicU32>,
     first_leaf: usize,
 }
 
 /// Some points of a leaf, as bits.
-type Bits = u8;
+type Bits = u32;
 const _: () = assert!(LEAF <= Bits::BITS as usize);
+
+/// A leaf and some of its points.
+type Found = (usize, Bits);
 
 impl<'a, const D: usize> Free<'a, D> {
     /// `f` in leaf order, NaN for points that are no candidates.
@@ -132,7 +135,7 @@ impl<'a, const D: usize> Free<'a, D> {
         let most = tree.node_max(&f);
         let leaves = tree.leaves(1);
         let bits = |own: &[f64]| own.iter().rev().fold(0, |bits, f| bits << 1 | Bits::from(!f.is_nan()));
-        let open = leaves.clone().into_par_iter().map(|leaf| AtomicU8::new(bits(&f[tree.range(leaf)]))).collect();
+        let open = leaves.clone().into_par_iter().map(|leaf| AtomicU32::new(bits(&f[tree.range(leaf)]))).collect();
         Free { tree, rule, f, most, open, first_leaf: leaves.start }
     }
 
@@ -144,7 +147,7 @@ impl<'a, const D: usize> Free<'a, D> {
     }
 
     #[inline(always)]
-    fn open(&self, leaf: usize) -> &AtomicU8 {
+    fn open(&self, leaf: usize) -> &AtomicU32 {
         &self.open[leaf - self.first_leaf]
     }
 
@@ -213,7 +216,7 @@ impl<'a, const D: usize> Free<'a, D> {
     }
 
     /// The conflicts of several at once: for each of `asked` the end of its run in the list of its chunk.
-    fn all_conflicts(&self, asked: &[(Point<D>, f64)]) -> Vec<(Vec<(usize, Bits)>, Vec<usize>)> {
+    fn all_conflicts(&self, asked: &[(Point<D>, f64)]) -> Vec<(Vec<Found>, Vec<usize>)> {
         let chunk = |asked: &[(Point<D>, f64)]| {
             let (mut found, mut ends) = (Vec::with_capacity(16 * asked.len()), Vec::with_capacity(asked.len()));
             for (x, f) in asked {

@@ -23,6 +23,10 @@ use std::slice;
 /// Queries walk down the tree together while their box is at most so many times as wide as g at the site that won last.
 const WIDTHS_TOGETHER: f64 = 32.0;
 
+/// Minima are taken in so many lanes.
+const LANES: usize = 8;
+const _: () = assert!(LEAF.is_multiple_of(LANES));
+
 /// NN_P at the points of the tree, by original index: the least distance over 0 to another point, infinite where all
 /// points coincide or there is only one.
 ///
@@ -187,15 +191,21 @@ impl<const D: usize> Level<'_, '_, D> {
                 }
             }
         }
-        let mut width = LEAF / 2;
+        let mut least = [f64::INFINITY; LANES];
+        for cones in cones.chunks_exact(LANES) {
+            for (least, &cone) in least.iter_mut().zip(cones) {
+                *least = if cone < *least { cone } else { *least };
+            }
+        }
+        let mut width = LANES / 2;
         while width > 0 {
             for k in 0..width {
-                let other = cones[k + width];
-                cones[k] = if other < cones[k] { other } else { cones[k] };
+                let other = least[k + width];
+                least[k] = if other < least[k] { other } else { least[k] };
             }
             width /= 2;
         }
-        cones[0]
+        least[0]
     }
 
     /// f at a few neighbours, which are the points of `leaf` where that is given.

@@ -13,7 +13,7 @@ from .point import Floats, Ints
 
 SIZE = 64
 
-LEAF = 8
+LEAF = 24
 """The most points in a leaf of the core's tree."""
 
 
