@@ -6,6 +6,7 @@ use crate::kdtree::Bounds;
 use crate::level::{Choice, Triangulated, each_in};
 use crate::point::{NONE, distance, orient};
 use crate::triangulation::Cells;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Where a facet vertex is taken away, all others that the new chord spans stay within this many times the distance at which
@@ -257,7 +258,7 @@ impl Work<'_> {
             points.push(self.scene.candidates.points[k as usize]);
         }
         let mut cells: Cells = self.patch.into_cells();
-        cells.cells.iter_mut().flatten().for_each(|v| *v = index[*v as usize]);
+        cells.cells.par_iter_mut().flatten_iter().for_each(|v| *v = index[*v as usize]);
         choice.interior = kept.iter().filter_map(|&site| site.checked_sub(facets as u32)).collect();
         if self.chords.len() > choice.chords.len() {
             choice.kept.copy_from_slice(&self.taken[..facets]);
