@@ -16,6 +16,7 @@ mod assemble;
 mod flip;
 mod levels;
 mod mend;
+mod order;
 mod parts;
 mod pinch;
 mod trim;

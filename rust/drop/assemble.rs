@@ -53,7 +53,8 @@ impl Ground<'_> {
         is_allowed: impl Fn(u32) -> bool,
     ) -> Result<(LevelMesh, Dropped), Error> {
         let (alive, corners) = loop {
-            let alive: Vec<usize> = trimmed.alive().collect();
+            let mut alive: Vec<usize> = trimmed.alive().collect();
+            alive.sort_unstable_by_key(|&t| trimmed.cells.cells[t]);
             let corners = self.corners(choice, trimmed, &alive, &is_allowed)?;
             if trimmed.part_again(&alive, &corners) {
                 continue;

@@ -6,7 +6,7 @@
 //! of the facets that are left (Lawson 1977), and no smallest angle of two cells gets worse.
 
 use super::trim::{Trimmed, angles};
-use crate::point::{NONE, Point, in_circle};
+use crate::point::{NONE, Point};
 
 impl Trimmed {
     /// Frees the chords that bound nothing; `stays` says which are facets whatever lies beside them.
@@ -25,13 +25,19 @@ impl Trimmed {
                 stack.push((t, k));
             }
         }
+        self.settle(stack, |trimmed, t, k| trimmed.cells.constraints[t][k] == NONE && trimmed.is_of_one_material(t, k));
+    }
+
+    /// Flips edges (of a cell, from a corner on) that are not Delaunay, and what they leave so, where they may be.
+    pub(super) fn settle(&mut self, mut stack: Vec<(usize, usize)>, may_flip: impl Fn(&Trimmed, usize, usize) -> bool) {
         while let Some((t, k)) = stack.pop() {
-            if self.cells.constraints[t][k] != NONE || !self.is_of_one_material(t, k) {
+            let other = self.cells.neighbours[t][k];
+            if other == NONE || !may_flip(self, t, k) {
                 continue;
             }
-            let other = self.cells.neighbours[t][k] as usize;
+            let other = other as usize;
             let back = self.edge_to(other, t);
-            if self.holds_opposite(t, other, back) {
+            if self.encloses(t, self.cells.cells[other][(back + 2) % 3]) {
                 self.flip((t, k), (other, back));
                 stack.extend([t, other].into_iter().flat_map(|t| (0..3).map(move |k| (t, k))));
             }
@@ -71,13 +77,6 @@ impl Trimmed {
         self.cells.neighbours[t].iter().position(|&n| n as usize == other).unwrap_or(0)
     }
 
-    /// Whether the corner of `other` that lies across its edge `back` is in the circle of `t`.
-    fn holds_opposite(&self, t: usize, other: usize, back: usize) -> bool {
-        let [a, b, c] = self.cells.cells[t].map(|s| &self.points[s as usize]);
-        let opposite = self.cells.cells[other][(back + 2) % 3];
-        in_circle(a, b, c, &self.points[opposite as usize]) > 0.0
-    }
-
     /// Turns the edge that two cells share.
     ///
     /// ```text
@@ -107,6 +106,7 @@ impl Trimmed {
             }
         }
         for t in [t, s] {
+            self.turn_to_lowest(t);
             let corners: [Point<2>; 3] = self.cells.cells[t].map(|s| self.points[s as usize]);
             self.angle[t] = angles(&corners).into_iter().fold(f64::INFINITY, f64::min);
         }

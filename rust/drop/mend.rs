@@ -44,7 +44,9 @@ impl Trimmed {
     pub fn victims(&self, limit_deg: f64, cost: impl Fn(u32) -> u32) -> Vec<u32> {
         let mut bad: Vec<(f64, usize)> =
             self.alive().map(|t| (self.angle[t], t)).filter(|&(angle, _)| angle < limit_deg).collect();
-        bad.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        bad.sort_unstable_by(|a, b| {
+            a.0.total_cmp(&b.0).then_with(|| self.cells.cells[a.1].cmp(&self.cells.cells[b.1]))
+        });
         let mut touched = vec![false; self.sites.len()];
         let mut victims = Vec::new();
         for (_, t) in bad {

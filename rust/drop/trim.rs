@@ -1,5 +1,6 @@
 //! The cells of a level among all of a triangulation: which lie inside, and what is peeled off.
 
+use super::order::sort_sites;
 use super::{Ground, area, centroid, sides};
 use crate::error::Error;
 use crate::level::{Choice, constraints_of, sites_of};
@@ -40,9 +41,10 @@ impl Ground<'_> {
         is_allowed: impl Fn(u32) -> bool,
     ) -> Result<Option<Trimmed>, Error> {
         let domain = self.domain;
-        let (sites, points) = sites_of(domain, self.input.points, choice);
+        let (mut sites, mut points) = sites_of(domain, self.input.points, choice);
         let constraints = constraints_of(domain, choice, &sites, |chord| sides(domain, chord));
-        let (cells, failed) = hull(&points, &constraints)?;
+        let (mut cells, failed) = hull(&points, &constraints)?;
+        sort_sites(&mut sites, &mut points, &mut cells);
         let angle = cells
             .cells
             .iter()
@@ -52,6 +54,7 @@ impl Ground<'_> {
         failed.iter().for_each(|&c| is_slit[c as usize] = false);
         let (label, part) = (vec![None; cells.cells.len()], vec![0; cells.cells.len()]);
         let mut trimmed = Trimmed { label, part, parts_at: Vec::new(), sites, points, cells, is_slit, angle };
+        trimmed.sort_cells();
         self.label(choice, f, &failed, &mut trimmed);
         self.part(choice, &mut trimmed, is_allowed);
         let is_empty = trimmed.label.iter().all(|label| label.is_none());

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .domain import FacetArrays
+from .drop_levels import build_dropping
 from .hierarchy import Builder, Made, Report
 from .layers import hierarchy_in_layers
 from .point import Floats, Ints
@@ -23,15 +24,7 @@ def hierarchy(
     report: Report = None,
     threads: int | None = None,
 ) -> Made:
-    """Build the coarser levels of a triangle mesh; `report` and `threads` are passed over.
-
-    Raises
-    ------
-    ValueError
-        If features are to be dropped: that part of the core has no twin.
-    """
-    if options.method != "mis" and options.features in {"drop", "auto"}:
-        raise ValueError(f"'features' is {options.features!r}, expected 'keep' or 'plain' with backend='numpy'")
+    """Build the coarser levels of a triangle mesh; `report` and `threads` are passed over."""
     if facets.layer is not None:
         return hierarchy_in_layers(one_layer, points, cells, facets, spacing, options)
     return one_layer(points, cells, facets, spacing, options)
@@ -43,4 +36,6 @@ def one_layer(points: Floats, cells: Ints, facets: FacetArrays, spacing: Floats 
     if options.method == "mis":
         levels, stopped = skeleton_levels(points, cells, builder.domain, options)
         return levels, stopped, builder.at_nodes(builder.g)
+    if options.features in {"drop", "auto"}:
+        return build_dropping(builder)
     return builder.build()

@@ -50,7 +50,7 @@ def repair(domain: Domain, kept: Bools, obstacles: Floats, wide: bool) -> list[C
     _keep_enough(domain, kept)
     while True:
         chords = chords_of(domain, kept)
-        bad = _offending(domain, chords, kept, obstacles)
+        bad = offending(domain, chords, kept, obstacles)
         bad += [c for c, chord in enumerate(chords) if is_joined(domain, chord)]
         if not bad and wide:
             bad = _narrow(domain, chords)
@@ -117,31 +117,38 @@ def is_joined(domain: Domain, chord: Chord) -> bool:
     return not first.interior and left.tail == right.tail and left_end.head == right_end.head
 
 
-def _offending(domain: Domain, chords: list[Chord], kept: Bools, obstacles: Floats) -> list[int]:
-    """Return the chords to be split, ascending."""
-    bad = _crossing(domain, chords)
+def offending(
+    domain: Domain, chords: list[Chord], kept: Bools, obstacles: Floats, fresh: Bools | None = None
+) -> list[int]:
+    """Return the chords to be split, ascending. Those that are not `fresh` are known to be valid among themselves."""
+    splits = np.array([chord.splits for chord in chords], np.bool_)
+    if fresh is not None:
+        splits &= fresh
+    bad = _crossing(domain, chords, splits)
     points = np.concatenate([domain.points[kept], obstacles])
     vertex = np.concatenate([np.flatnonzero(kept), np.full(len(obstacles), -1)])
     for c, chord in enumerate(chords):
-        if chord.splits and chord.deviation_2 > 0.0 and not bad[c]:
+        if splits[c] and chord.deviation_2 > 0.0 and not bad[c]:
             bad[c] = (holds(domain, chord, points) & ~np.isin(vertex, chord.vertices)).any()
     first = 0
     while first < len(chords):
         chain = domain.chains[chords[first].chain]
         run = [c for c in range(first, len(chords)) if chords[c].chain == chords[first].chain]
         first = run[-1] + 1
-        if chain.closed and not bad[run].any() and _is_flipped(domain, chain, [chords[c] for c in run]):
+        if chain.closed and not bad[run].any() and is_flipped(domain, chain, [chords[c] for c in run]):
             widest = max(run, key=lambda c: (chords[c].deviation_2, -c))
             bad[widest] = chords[widest].splits
     return [int(c) for c in np.flatnonzero(bad)]
 
 
-def _crossing(domain: Domain, chords: list[Chord]) -> Bools:
-    """Of any two chords that cross, the one that deviates more from its chain is marked, the first of equals."""
+def _crossing(domain: Domain, chords: list[Chord], splits: Bools) -> Bools:
+    """Of any two chords that cross, the one that deviates more from its chain is marked, the first of equals.
+
+    Only those that `splits` admits are marked.
+    """
     bad = np.zeros(len(chords), np.bool_)
     ends = domain.points[[chord.vertices for chord in chords]].reshape(-1, 2, 2)
     low, high = ends.min(axis=1), ends.max(axis=1)
-    splits = np.array([chord.splits for chord in chords], np.bool_)
     deviation_2 = np.array([chord.deviation_2 for chord in chords])
     for i in np.flatnonzero(splits):
         touching = ((low <= high[i]) & (low[i] <= high)).all(axis=1)
@@ -182,13 +189,16 @@ def _crosses_ray(a: Floats, b: Floats, p: Floats) -> Bools:
     return crosses
 
 
-def _is_flipped(domain: Domain, chain: Chain, chords: list[Chord]) -> bool:
-    """Whether the chords of a closed chain run the other way round."""
-    chord_area = _area_2(domain.points[[chord.vertices[0] for chord in chords]])
-    return (chord_area > 0.0) != (_area_2(domain.points[chain.vertices]) > 0.0)
+def is_flipped(domain: Domain, chain: Chain, chords: list[Chord]) -> bool:
+    """Whether the chords of a closed chain are all there and run the other way round."""
+    whole = all(one.stop == two.start for one, two in itertools.pairwise(chords))
+    if not whole or chords[-1].stop != chords[0].start + len(chain.vertices):
+        return False
+    chord_area = area_2(domain.points[[chord.vertices[0] for chord in chords]])
+    return (chord_area > 0.0) != (area_2(domain.points[chain.vertices]) > 0.0)
 
 
-def _area_2(loop: Floats) -> float:
+def area_2(loop: Floats) -> float:
     """Return twice the signed area of a loop, measured from its first point."""
     x, y = (loop - loop[0]).T
     return float(np.cumsum(x[:-1] * y[1:] - y[:-1] * x[1:])[-1]) if len(loop) > 1 else 0.0

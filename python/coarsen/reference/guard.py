@@ -379,11 +379,13 @@ class Guard:
         ex, ey = c[0] - a[0], c[1] - a[1]
         double_area = dx * ey - dy * ex
         short, long = dx * dx + dy * dy, ex * ex + ey * ey
-        # the circumcentre relative to the middle of the shortest edge lies on its bisector
-        ux, uy = (ey * short - dy * long) / (2.0 * double_area), (dx * long - ex * short) / (2.0 * double_area)
+        # the circumcentre relative to the middle of the shortest edge lies on its bisector; a sliver may have none
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            ux = float(np.float64(ey * short - dy * long) / (2.0 * double_area))
+            uy = float(np.float64(dx * long - ex * short) / (2.0 * double_area))
         height = (ux * -dy + uy * dx) / math.sqrt(short)
         comfortable = 0.5 * math.sqrt(short) / math.tan(0.5 * COMFORT * self.rule.min_angle)
-        height = min(height, comfortable)
+        height = height if height < comfortable else comfortable
         place = (
             a[0] + 0.5 * dx - dy / math.sqrt(short) * height,
             a[1] + 0.5 * dy + dx / math.sqrt(short) * height,

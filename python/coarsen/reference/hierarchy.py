@@ -13,6 +13,7 @@ most `coarsest` cells, or the last that is smaller than the one before by more t
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -87,14 +88,23 @@ class Pool:
 
 
 @dataclass(frozen=True)
+class AtHand:
+    """What a level is drawn from: a pool, f at its candidates, the candidate of every node, and visits."""
+
+    pool: Pool
+    f: Floats
+    candidate_of: Ints
+    visits: int
+
+
+@dataclass(frozen=True)
 class Chosen:
-    """What a level keeps; f by candidate, whether candidates are in the coarse domain, the candidate of every node."""
+    """What a level keeps; f by candidate, whether candidates are in the coarse domain, what it was drawn from."""
 
     choice: Choice
     f: Floats
     inside: Bools
-    candidate_of: Ints
-    pool: Pool
+    at: AtHand
 
 
 class Builder:
@@ -103,7 +113,7 @@ class Builder:
     def __init__(
         self, points: Floats, cells: Ints, facets: FacetArrays, spacing: Floats | None, options: Options
     ) -> None:
-        self.points, self.cells, self.options = points, cells, options
+        self.points, self.cells, self.facets, self.options = points, cells, facets, options
         self.rules = Rules(options.beta, options.delta, options.gradation, options.features in {"keep", "auto"})
         angle = options.min_angle
         if angle is None and options.features != "plain":
@@ -112,6 +122,7 @@ class Builder:
         self.domain = Domain(points, facets, math.cos(math.radians(options.feature_angle)))
         nodes = candidate_nodes(points, self.domain)
         finest = Candidates(points[nodes], nodes)
+        self.finest = finest.points
         if spacing is None:
             self.g = nearest(finest.points)
         else:
@@ -137,7 +148,7 @@ class Builder:
 
     def spacing_in(self, i: int, pool: Pool) -> Floats:
         """Return f_i at the candidates of a pool, held under the gaps of the domain."""
-        finest, factor = self.pools[0].candidates.points, power(self.options.factor, i)
+        finest, factor = self.finest, power(self.options.factor, i)
         if self.options.method == "function":
             return capped(finest, self.g, self.cap, factor, self.rules.gradation, pool.candidates.points)
         f = threshold(self.g, factor)[pool.members]
@@ -163,35 +174,57 @@ class Builder:
             self.pools.append(Pool(candidates, last.members[picked], f[picked], len(order)))
         return wanted
 
-    def choose(self, i: int, seeds: Choice) -> Chosen:
-        """Select the nodes of level i."""
+    def freed(self) -> Builder:
+        """Return the same builder with a spacing that is not held under the gaps of the domain."""
+        free = copy.copy(self)
+        free.cap, free.pools = None, self.pools[:1]
+        return free
+
+    def draw_from(self, wanted: Ints) -> None:
+        """Let all levels draw interior nodes from certain nodes only."""
+        finest = self.pools[0]
+        members = np.flatnonzero(
+            (np.arange(len(finest.members)) < len(self.domain)) | np.isin(finest.candidates.nodes, wanted)
+        )
+        candidates = Candidates(finest.candidates.points[members], finest.candidates.nodes[members])
+        self.pools = [Pool(candidates, members, np.empty(0), 0)]
+
+    def at_hand(self, i: int) -> AtHand:
+        """Return what level i is drawn from."""
         p = self.pool_for(i)
         pool = self.pools[p]
         candidate_of = np.full(len(self.points), -1)
         candidate_of[pool.candidates.nodes] = np.arange(len(pool.candidates.nodes))
         for v, copies in enumerate(self.domain.copies):
             candidate_of[copies] = v
-        f = pool.f if p > 0 and i == p + self.lag else self.spacing_in(i, pool)
-        choice, f, inside = select(self.domain, pool.candidates, f, seeds, candidate_of, self.rules)
-        return Chosen(choice, f, inside, candidate_of, pool)
+        is_first = p > 0 and i == p + self.lag
+        f = pool.f if is_first else self.spacing_in(i, pool)
+        # the level that first draws from a pool bears its cost
+        return AtHand(pool, f, candidate_of, len(pool.candidates.nodes) + (pool.visits if is_first else 0))
+
+    def choose(self, i: int, seeds: Choice) -> Chosen:
+        """Select the nodes of level i."""
+        at = self.at_hand(i)
+        choice, f, inside = select(self.domain, at.pool.candidates, at.f, seeds, at.candidate_of, self.rules)
+        return Chosen(choice, f, inside, at)
 
     def draw(self, i: int, seeds: Choice) -> tuple[Chosen, Triangulated]:
         """Select, triangulate and better level i."""
         chosen = self.choose(i, seeds)
-        choice, candidates = chosen.choice, chosen.pool.candidates
+        choice, candidates, candidate_of = chosen.choice, chosen.at.pool.candidates, chosen.at.candidate_of
         level = triangulate(self.domain, self.points, choice)
         if self.min_angle is None:
             return chosen, level
         facets = len(self.domain)
         inner = level.sites >= facets
         sites = level.sites.copy()
-        sites[inner] = chosen.candidate_of[level.sites[inner] - facets]
+        sites[inner] = candidate_of[level.sites[inner] - facets]
         apex = {(int(sites[u]), int(sites[v])): int(sites[w]) for (u, v), w in level.apex.items()}
         taken = np.zeros(len(candidates.points), np.bool_)
         taken[sites] = True
         seeded = np.zeros(len(taken), np.bool_)
         seeded[:facets] = seeds.kept
-        seeded[chosen.candidate_of[seeds.interior]] = True
+        seeded[candidate_of[seeds.interior]] = True
         slope = 1.0 if self.options.method == "threshold" else self.rules.gradation
         rule = Rule(self.min_angle, self.rules.beta, slope, max(1.0 / self.options.factor, 0.5))
         scene = Scene(self.domain, candidates, chosen.f, chosen.inside, seeds, seeded)
@@ -213,10 +246,8 @@ class Builder:
         """Make level i."""
         chosen, level = self.draw(i, seeds)
         mesh = assemble(self.domain, chosen.choice, level)
-        p = self.pool_for(i)
-        visits = len(chosen.f) + (chosen.pool.visits if p > 0 and i == p + self.lag else 0)
-        spacing = chosen.f[chosen.candidate_of[mesh.nodes]]
-        return as_dict(mesh, power(self.options.factor, i), spacing, visits), chosen.choice
+        spacing = chosen.f[chosen.at.candidate_of[mesh.nodes]]
+        return as_dict(mesh, power(self.options.factor, i), spacing, chosen.at.visits), chosen.choice
 
     def n_cells(self, i: int) -> int:
         """Return the number of cells of level i on its own, by Euler's formula."""
@@ -231,8 +262,22 @@ class Builder:
         """Return a choice of nothing."""
         return Choice(np.zeros(len(self.domain), np.bool_))
 
-    def depth(self) -> tuple[int, str]:
-        """Return the depth of a hierarchy of open depth, and why it ends there."""
+    def roughly(self) -> int:
+        """Return a depth to begin a search with: pools tell it without a selection on the fine levels."""
+        depth = 1
+        if self.options.candidates == "pool":
+            # a pool of interior nodes holds about C^2m nodes for each of its level
+            share, facets = power(self.options.factor, 2 * self.lag), len(self.domain)
+            while True:
+                p = self.pool_for(depth)
+                now, before = (len(self.pools[q].members) - facets for q in (p, max(p - 1, 0)))
+                if now <= share * self.options.coarsest or (p > 0 and now > STALL * before) or depth == MAX_LEVELS:
+                    break
+                depth += 1
+        return depth
+
+    def depth(self) -> int:
+        """Return the depth of a hierarchy of open depth."""
         coarsest, sizes = self.options.coarsest, {0: len(self.cells)}
 
         def size(i: int) -> int:
@@ -240,41 +285,41 @@ class Builder:
                 sizes[i] = self.n_cells(i)
             return sizes[i]
 
-        depth = 1
-        if self.options.candidates == "pool":
-            # pools tell roughly where to begin: one of interior nodes holds about C^2m nodes for each of its level
-            share, facets = power(self.options.factor, 2 * self.lag), len(self.domain)
-            while True:
-                p = self.pool_for(depth)
-                now, before = (len(self.pools[q].members) - facets for q in (p, max(p - 1, 0)))
-                if now <= share * coarsest or (p > 0 and now > STALL * before) or depth == MAX_LEVELS:
-                    break
-                depth += 1
+        depth = self.roughly()
         while depth > 1 and not (size(depth - 1) > coarsest and size(depth) <= STALL * size(depth - 1)):
             depth -= 1
         while True:
             now = size(depth)
             if now <= coarsest:
-                return depth, "coarsest"
+                return depth
             if depth == MAX_LEVELS or size(depth + 1) > STALL * now:
                 # not even the first level may be worth having
-                return (depth if depth > 1 or now <= STALL * len(self.cells) else 0), "stalled"
+                return depth if depth > 1 or now <= STALL * len(self.cells) else 0
             depth += 1
 
-    def build(self) -> Made:
-        """Build the levels, coarsest first."""
-        depth, stopped = (self.options.levels, "levels") if self.options.levels is not None else self.depth()
+    def levels(self, depth: int) -> list[dict[str, Any]]:
+        """Make levels 1 to `depth`, coarsest first; return them finest first."""
         levels: list[dict[str, Any]] = []
         seeds = self.no_seeds()
         for i in range(depth, 0, -1):
             level, choice = self.level(i, seeds)
             seeds = choice if self.options.nested else seeds
             levels.insert(0, level)
-        if self.options.levels is None:
-            for k, level in enumerate(levels):
-                if len(level["cells"]) <= self.options.coarsest:
-                    return levels[: k + 1], "coarsest", self.at_nodes(self.g)
-        return levels, stopped, self.at_nodes(self.g)
+        return levels
+
+    def build(self) -> Made:
+        """Build the levels."""
+        return self.ended(self.levels(self.depth() if self.options.levels is None else self.options.levels))
+
+    def ended(self, levels: list[dict[str, Any]]) -> Made:
+        """Return levels as a hierarchy: one of open depth ends at the first of at most `coarsest` cells."""
+        g = self.at_nodes(self.g)
+        if self.options.levels is not None:
+            return levels, "levels", g
+        for k, level in enumerate(levels):
+            if len(level["cells"]) <= self.options.coarsest:
+                return levels[: k + 1], "coarsest", g
+        return levels, "stalled", g
 
 
 def candidate_nodes(points: Floats, domain: Domain) -> Ints:

@@ -7,6 +7,7 @@ every level joins the layers' levels.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -55,9 +56,12 @@ def hierarchy_in_layers(
         parts.append((nodes, (points[nodes], np.searchsorted(nodes, cells[own]), part, given)))
     depth = options.levels
     if depth is None:
-        # together the layers' last levels should be small enough
-        coarsest = max(options.coarsest // len(parts), 1)
-        depth = max(len(build(*mesh, replace(options, coarsest=coarsest))[0]) for _, mesh in parts)
+        # together the layers' last levels should be small enough; where some are left out, their factors still tell
+        coarsest, depth = max(options.coarsest // len(parts), 1), 0
+        for _, mesh in parts:
+            own = build(*mesh, replace(options, coarsest=coarsest))[0]
+            last = own[-1]["factor"] if own else 1.0
+            depth = max(depth, round(math.log(last) / math.log(options.factor)))
     made = [(nodes, build(*mesh, replace(options, levels=depth))) for nodes, mesh in parts]
     g = np.zeros(len(points))
     for nodes, (_, _, own_g) in made:
@@ -68,7 +72,9 @@ def hierarchy_in_layers(
         level = _joined([(nodes, own[i]) for nodes, (own, _, _) in made if i < len(own)])
         now = len(level["cells"])
         if options.levels is None and now > STALL * before:
-            return levels, "stalled", g
+            if options.features in {"keep", "plain"}:
+                return levels, "stalled", g
+            continue
         levels.append(level)
         before = now
         if options.levels is None and now <= options.coarsest:
@@ -89,7 +95,8 @@ def _joined(parts: list[tuple[Ints, dict[str, Any]]]) -> dict[str, Any]:
     inner = stacked("facets", lambda k, rows: np.arange(len(rows)) >= parts[k][1]["n_boundary"])
     rows = np.argsort(inner, kind="stable")
     spacing = np.concatenate([level["spacing"] for _, level in parts])
-    return {
+    dropped = [level["dropped"] for _, level in parts if "dropped" in level]
+    joined: dict[str, Any] = {
         "nodes": nodes,
         "cells": stacked("cells", lambda k, ends: np.searchsorted(nodes, whole[k][ends])),
         "cell_tags": stacked("cell_tags", lambda _, tags: tags),
@@ -102,3 +109,6 @@ def _joined(parts: list[tuple[Ints, dict[str, Any]]]) -> dict[str, Any]:
         "spacing": spacing[order] if len(spacing) == len(nodes) else spacing,
         "visits": sum(level["visits"] for _, level in parts),
     }
+    if dropped:
+        joined["dropped"] = {name: sum(own[name] for own in dropped) for name in dropped[0]}
+    return joined

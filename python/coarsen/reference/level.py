@@ -95,13 +95,31 @@ def select(
         for v, room in crowded.items():
             choice.hold(int(candidates.nodes[v]), room)
 
+    interior, inside = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
+    return replace(choice, interior=interior, chords=chords), f, inside
+
+
+def select_interior(
+    domain: Domain,
+    candidates: Candidates,
+    f: Floats,
+    seeds: Choice,
+    candidate_of: Ints,
+    kept: Bools,
+    chords: list[Chord],
+    rules: Rules,
+) -> tuple[Ints, Bools]:
+    """Return the seeds' interior nodes and those selected after them and the kept facet vertices: steps (4), (5).
+
+    Also returns which candidates are interior and in the coarse domain.
+    """
+    seeded = candidate_of[seeds.interior]
     inside, near = places(domain, candidates, f, chords, rules.delta)
     free = inside & ~near
     free[seeded] = False
     keep = np.concatenate([np.flatnonzero(kept), seeded])
     chosen = greedy_in_tiles(candidates.points, f, rules.beta, np.flatnonzero(free), keep)
-    interior = np.concatenate([seeds.interior, candidates.nodes[chosen]])
-    return replace(choice, interior=interior, chords=chords), f, inside
+    return np.concatenate([seeds.interior, candidates.nodes[chosen]]), inside
 
 
 def crowded_vertices(domain: Domain, kept: Bools, f: Floats, beta: float) -> dict[int, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from .point import Point, in_circle, orient
 from .triangulation import Edge
@@ -19,6 +19,16 @@ MOST_STEPS = 256
 
 Cell = tuple[int, int, int]
 Fits = Callable[[int], bool]
+
+
+def encloses(points: Sequence[Point], names: Sequence[int], cell: Cell, d: int) -> bool:
+    """Whether d lies in the circle through a cell, given from its corner of the lowest name on; ties broken by name."""
+    sign = in_circle(*(points[v] for v in (*cell, d)))
+    if sign:
+        return sign > 0
+    a, b, c = cell
+    # raising the lowest lifts the plane at d where d's barycentric coordinate for it is positive
+    return names[d] >= names[a] and orient(points[b], points[c], points[d]) > 0
 
 
 class Patch:
@@ -160,14 +170,7 @@ class Patch:
 
     def in_circle(self, cell: Cell, d: int) -> bool:
         """Whether d lies in the circle through a cell, ties broken by name."""
-        sign = in_circle(*(self.points[v] for v in (*cell, d)))
-        if sign:
-            return sign > 0
-        a, b, c = self.canonical(*cell)
-        if self.names[d] < self.names[a]:
-            return False
-        # raising the lowest lifts the plane at d where d's barycentric coordinate for it is positive
-        return self.turn(b, c, d) > 0
+        return encloses(self.points, self.names, self.canonical(*cell), d)
 
     def _break_ties(self) -> None:
         """Flip edges until the triangulation is the one that the tie rule asks for."""

@@ -1,0 +1,61 @@
+//! One order of sites and cells, and one triangulation where points lie on one circle, whoever made it.
+//!
+//! What is done to a level goes by angles and areas, and by the order of cells where those are equal; on a grid many are.
+//! So that levels are a matter of the input alone, sites are ascending, a cell begins with its lowest corner, cells are
+//! sorted, and of points on one circle it is as if the lifting of the lowest were raised a little.
+
+use super::trim::Trimmed;
+use crate::point::{NONE, Point, in_circle, orient};
+use crate::triangulation::Cells;
+
+/// Sorts sites, their points, and the corners of cells with them.
+pub fn sort_sites(sites: &mut [u32], points: &mut [Point<2>], cells: &mut Cells) {
+    let mut order: Vec<u32> = (0..sites.len() as u32).collect();
+    order.sort_unstable_by_key(|&s| sites[s as usize]);
+    let mut place = vec![0; order.len()];
+    (0u32..).zip(&order).for_each(|(k, &s)| place[s as usize] = k);
+    let sorted: Vec<(u32, Point<2>)> = order.iter().map(|&s| (sites[s as usize], points[s as usize])).collect();
+    for (k, (site, point)) in sorted.into_iter().enumerate() {
+        (sites[k], points[k]) = (site, point);
+    }
+    cells.cells.iter_mut().flatten().for_each(|s| *s = place[*s as usize]);
+}
+
+impl Trimmed {
+    /// Puts the cells of a Delaunay triangulation in order.
+    pub(super) fn sort_cells(&mut self) {
+        (0..self.label.len()).for_each(|t| self.turn_to_lowest(t));
+        let all = (0..self.label.len()).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
+        self.settle(all, |trimmed, t, k| trimmed.cells.constraints[t][k] == NONE);
+        let cells = &self.cells;
+        let mut order: Vec<([u32; 3], u32)> = cells.cells.iter().copied().zip(0..).collect();
+        order.sort_unstable();
+        let mut place = vec![0; order.len()];
+        (0u32..).zip(&order).for_each(|(k, &(_, t))| place[t as usize] = k);
+        let moved = |t: u32| if t == NONE { NONE } else { place[t as usize] };
+        self.cells = Cells {
+            neighbours: order.iter().map(|&(_, t)| cells.neighbours[t as usize].map(moved)).collect(),
+            constraints: order.iter().map(|&(_, t)| cells.constraints[t as usize]).collect(),
+            cells: order.iter().map(|&(cell, _)| cell).collect(),
+        };
+        self.angle = order.iter().map(|&(_, t)| self.angle[t as usize]).collect();
+    }
+
+    /// Has a cell begin with its lowest corner.
+    pub(super) fn turn_to_lowest(&mut self, t: usize) {
+        let cell = self.cells.cells[t];
+        let k = (0..3).min_by_key(|&k| cell[k]).unwrap_or(0);
+        self.cells.cells[t].rotate_left(k);
+        self.cells.neighbours[t].rotate_left(k);
+        self.cells.constraints[t].rotate_left(k);
+    }
+
+    /// Whether a site lies in the circle of a cell.
+    pub(super) fn encloses(&self, t: usize, site: u32) -> bool {
+        let cell = self.cells.cells[t];
+        let ([a, b, c], d) = (cell.map(|s| &self.points[s as usize]), &self.points[site as usize]);
+        let sign = in_circle(a, b, c, d);
+        // raising the lowest lifts the plane at d where d's barycentric coordinate for it is positive
+        if sign == 0.0 { site > cell[0] && orient(b, c, d) > 0.0 } else { sign > 0.0 }
+    }
+}
