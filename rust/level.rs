@@ -146,7 +146,7 @@ pub(crate) fn select_interior(
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
     keep.extend(seeded);
     let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
-    let order: Vec<u32> = (0..is_seed.len()).filter(free).map(|k| (k + facets) as u32).collect();
+    let order: Vec<u32> = (0..is_seed.len()).into_par_iter().filter(free).map(|k| (k + facets) as u32).collect();
     let chosen = greedy_in_tiles(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
     let mut interior = seeds.interior.clone();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));

@@ -274,9 +274,11 @@ fn prepared<'a, const D: usize>(tree: &'a KdTree<D>, f: &[f64], order: &[u32], k
         Board { positions: own.positions().to_vec(), tree: Cow::Owned(own), weights, kept }
     } else {
         let positions: Vec<u32> = order.par_iter().map(|&i| all[i as usize]).collect();
-        let mut weights = vec![f64::NAN; tree.len()];
-        order.iter().zip(&positions).for_each(|(&i, &p)| weights[p as usize] = f[i as usize]);
-        keep.iter().for_each(|&i| weights[all[i as usize] as usize] = f64::NAN);
+        let mut is_candidate = vec![false; tree.len()];
+        order.iter().for_each(|&i| is_candidate[i as usize] = true);
+        keep.iter().for_each(|&i| is_candidate[i as usize] = false);
+        let weight = |&i: &u32| if is_candidate[i as usize] { f[i as usize] } else { f64::NAN };
+        let weights = tree.order().par_iter().map(weight).collect();
         Board { tree: Cow::Borrowed(tree), weights, positions, kept }
     }
 }
