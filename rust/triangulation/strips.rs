@@ -168,7 +168,7 @@ fn joined(points: &[Point<2>], ends: &[[u32; 2]], parts: &[Part]) -> Result<Opti
     let border_points: Vec<Point<2>> = border.iter().map(|&i| points[i as usize]).collect();
     let (region, mut out) = rayon::join(
         || triangulated(&border_points, &all, |k| border[k]),
-        || concatenated(parts, &firsts, 2 * points.len()),
+        || concatenated(parts, &firsts, firsts[parts.len()] as usize + 3 * border.len()),
     );
     let (region, failed) = region?;
     if !failed.is_empty() {
@@ -231,18 +231,20 @@ fn beyond_rim(region: &Cells, rim: usize, first: u32) -> Option<Vec<u32>> {
 
 /// The cells of all parts, counted on, with room for more.
 fn concatenated(parts: &[Part], firsts: &[u32], room: usize) -> Cells {
-    let mut out = Cells {
-        cells: Vec::with_capacity(room),
-        neighbours: Vec::with_capacity(room),
-        constraints: Vec::with_capacity(room),
-    };
-    for (part, &first) in parts.iter().zip(firsts) {
-        let next = |t: u32| if t == NONE { NONE } else { first + t };
-        out.cells.extend_from_slice(&part.cells.cells);
-        out.neighbours.extend(part.cells.neighbours.iter().map(|beyond| beyond.map(next)));
-        out.constraints.extend_from_slice(&part.cells.constraints);
+    fn rows(room: usize, own: impl Iterator<Item = impl ExactSizeIterator<Item = [u32; 3]>>) -> Vec<[u32; 3]> {
+        let mut all = Vec::with_capacity(room);
+        own.for_each(|rows| all.extend(rows));
+        all
     }
-    out
+    let corners = || rows(room, parts.iter().map(|part| part.cells.cells.iter().copied()));
+    let codes = || rows(room, parts.iter().map(|part| part.cells.constraints.iter().copied()));
+    let counted = |(part, &first): (&'_ Part, &u32)| {
+        let next = move |t: u32| if t == NONE { NONE } else { first + t };
+        part.cells.neighbours.iter().map(move |beyond| beyond.map(next)).collect::<Vec<_>>().into_iter()
+    };
+    let neighbours = || rows(room, parts.iter().zip(firsts).map(counted));
+    let (neighbours, (cells, constraints)) = rayon::join(neighbours, || (corners(), codes()));
+    Cells { cells, neighbours, constraints }
 }
 
 /// Whether cells triangulate the hull of all points, by Euler's formula, and have all constraints.
