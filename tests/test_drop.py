@@ -140,9 +140,6 @@ def test_parts_beside_each_other_are_never_joined(gap, features):
     h = coarsen.hierarchy(beside(square, [1.0 + gap, 0.0]), features=features, coarsest=20)
     assert h[-1].mesh.n_cells <= 20
     assert_parts_stay_apart(h)
-    for level in h:
-        assert len(np.unique(parts_of(level.mesh))) == 2
-        assert area_of(level.mesh) == pytest.approx(2.0, rel=0.02)
 
 
 @pytest.mark.parametrize("features", ["drop", "auto"])
@@ -157,42 +154,3 @@ def test_parts_of_random_domains_are_never_joined(seed, features):
 def test_zones_of_real_meshes_are_never_joined(meshes, name):
     arrays = np.load(meshes / f"{name}.npz")
     assert_parts_stay_apart(coarsen.hierarchy(coarsen.Mesh(arrays["points"], arrays["triangles"]), features="drop"))
-
-
-def test_a_round_boundary_loses_little_area():
-    mesh = gallery.ring(4000)
-    h = coarsen.hierarchy(mesh, features="drop")
-    assert h[-1].mesh.n_cells <= 100
-    for level in h:
-        assert area_of(level.mesh) == pytest.approx(area_of(mesh), rel=0.04)
-
-
-@pytest.mark.parametrize(
-    "name", ["gridded_fvcom", "xugrid_sandiego", "su2_naca0012_inv", "su2_rotating_cylinders_multizone"]
-)
-def test_real_domains_change_their_area_by_a_twelfth_at_most(meshes, name):
-    arrays = np.load(meshes / f"{name}.npz")
-    mesh = coarsen.Mesh(arrays["points"], arrays["triangles"])
-    h = coarsen.hierarchy(mesh, features="drop")
-    assert h[-1].mesh.n_cells <= 100
-    for level in h:
-        assert area_of(level.mesh) == pytest.approx(area_of(mesh), rel=1 / 12)
-
-
-@pytest.mark.parametrize("first", [1e-3, 1e-4, 1e-6])
-def test_the_wall_under_a_layer_of_stretched_cells_stays(first):
-    # rings of 72 nodes around a disc, each by a given ratio farther from it than the one before
-    radii = 1 + np.concatenate([[0.0], np.geomspace(first, 30.0, 60)])
-    angles = np.linspace(0, 2 * np.pi, 72, endpoint=False)
-    points = (radii[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)).reshape(-1, 2)
-    ring, k = np.meshgrid(np.arange(60), np.arange(72), indexing="ij")
-    a, b = (72 * ring + k).reshape(-1), (72 * ring + (k + 1) % 72).reshape(-1)
-    cells = np.concatenate([np.stack([a, b, a + 72], axis=1), np.stack([b, b + 72, a + 72], axis=1)])
-    mesh = coarsen.Mesh(points, cells)
-    h = coarsen.hierarchy(mesh, features="drop")
-    assert h[-1].mesh.n_cells <= 100
-    for level in h[1:-2]:
-        assert level.quality.min_angle >= 15
-        assert level.dropped["loops_closed"] == 0
-        assert area_of(level.mesh) == pytest.approx(area_of(mesh), rel=0.04)
-    assert np.isin(np.arange(72), h[1].nodes).mean() > 0.7
