@@ -216,7 +216,13 @@ impl<const D: usize> KdTree<D> {
     /// The leaf that holds a position.
     #[inline(always)]
     pub fn leaf_of(&self, position: usize) -> usize {
-        self.first_leaf + ((position + 1) * self.first_leaf).div_ceil(self.len()) - 1
+        self.node_of(position, self.first_leaf)
+    }
+
+    /// The node that holds a position, among those of the depth that begins with the node `first`.
+    #[inline(always)]
+    pub fn node_of(&self, position: usize, first: usize) -> usize {
+        first + ((position + 1) * first).div_ceil(self.len()) - 1
     }
 
     /// The leaves under a node.

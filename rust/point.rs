@@ -52,6 +52,18 @@ pub fn in_circle(a: &Point<2>, b: &Point<2>, c: &Point<2>, d: &Point<2>) -> f64 
     robust::incircle(coord(a), coord(b), coord(c), coord(d))
 }
 
+/// Whether the last of four points on one circle counts as inside that of the others, which turn left: as if the lifting of
+/// the one with the lowest name were raised a little.
+pub fn encloses_by_name([a, b, c, d]: [&Point<2>; 4], names: [u32; 4]) -> bool {
+    // raising a corner lifts the plane at d where d's barycentric coordinate for it is positive
+    match (0..4).min_by_key(|&k| names[k]) {
+        Some(0) => orient(b, c, d) > 0.0,
+        Some(1) => orient(c, a, d) > 0.0,
+        Some(2) => orient(a, b, d) > 0.0,
+        _ => false,
+    }
+}
+
 #[inline(always)]
 fn coord(p: &Point<2>) -> robust::Coord<f64> {
     robust::Coord { x: p[0], y: p[1] }

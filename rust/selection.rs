@@ -139,11 +139,12 @@ impl<'a, const D: usize> Free<'a, D> {
         Free { tree, rule, f, most, open, first_leaf: leaves.start }
     }
 
-    /// The leaf of a position and its bit there.
+    /// The leaf of a candidate that is free, and its bit there.
     #[inline(always)]
-    fn bit(&self, position: usize) -> (usize, Bits) {
+    fn free(&self, position: usize) -> Option<Found> {
         let leaf = self.tree.leaf_of(position);
-        (leaf, 1 << (position - self.tree.range(leaf).start))
+        let bit = 1 << (position - self.tree.range(leaf).start);
+        (self.open(leaf).load(Ordering::Relaxed) & bit != 0).then_some((leaf, bit))
     }
 
     #[inline(always)]
@@ -154,8 +155,7 @@ impl<'a, const D: usize> Free<'a, D> {
     /// The f of a candidate if it is free.
     #[inline(always)]
     fn f(&self, position: usize) -> Option<f64> {
-        let (leaf, bit) = self.bit(position);
-        (self.open(leaf).load(Ordering::Relaxed) & bit != 0).then(|| self.f[position])
+        self.free(position).map(|_| self.f[position])
     }
 
     #[inline(always)]
@@ -166,8 +166,7 @@ impl<'a, const D: usize> Free<'a, D> {
     /// The f of a candidate that is free, which it then is no more.
     #[inline(always)]
     fn take(&self, position: usize) -> Option<f64> {
-        let (leaf, bit) = self.bit(position);
-        (self.open(leaf).load(Ordering::Relaxed) & bit != 0).then(|| {
+        self.free(position).map(|(leaf, bit)| {
             self.block(leaf, bit);
             self.f[position]
         })

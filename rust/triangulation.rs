@@ -77,6 +77,7 @@ pub fn hull(points: &[Point<2>], constraints: &[Constraint]) -> Result<(Cells, V
 fn whole(points: &[Point<2>], ends: &[[u32; 2]], name: impl Fn(usize) -> u32) -> Result<(Cells, Vec<u32>), Error> {
     match strips::in_strips(points, ends, strips::COLUMNS) {
         Ok(Some(cells)) => Ok((cells, Vec::new())),
+        // what is wrong with the points, if anything, is said in their own names
         _ => cdt::triangulated(points, ends, name),
     }
 }

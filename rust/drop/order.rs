@@ -5,7 +5,7 @@
 //! sorted, and of points on one circle it is as if the lifting of the lowest were raised a little.
 
 use super::trim::Trimmed;
-use crate::point::{NONE, Point, in_circle, orient};
+use crate::point::{NONE, Point, encloses_by_name, in_circle};
 use crate::triangulation::Cells;
 
 /// Sorts sites, their points, and the corners of cells with them.
@@ -55,7 +55,6 @@ impl Trimmed {
         let cell = self.cells.cells[t];
         let ([a, b, c], d) = (cell.map(|s| &self.points[s as usize]), &self.points[site as usize]);
         let sign = in_circle(a, b, c, d);
-        // raising the lowest lifts the plane at d where d's barycentric coordinate for it is positive
-        if sign == 0.0 { site > cell[0] && orient(b, c, d) > 0.0 } else { sign > 0.0 }
+        if sign == 0.0 { encloses_by_name([a, b, c, d], [cell[0], cell[1], cell[2], site]) } else { sign > 0.0 }
     }
 }

@@ -3,7 +3,7 @@
 //! Ties of cocircular points are broken as if the lifting of the point with the lowest name were raised a little, so the
 //! triangulation is unique: a quadrilateral on a circle has the diagonal that avoids its lowest name. Predicates are exact.
 
-use crate::point::{NONE, Point, in_circle, orient};
+use crate::point::{NONE, Point, encloses_by_name, in_circle, orient};
 use crate::triangulation::Cells;
 use rayon::prelude::*;
 
@@ -299,19 +299,8 @@ impl Patch {
         if det != 0.0 {
             return det > 0.0;
         }
-        let Some(lowest) = [a, b, c, d].into_iter().min_by_key(|&v| self.names[v as usize]) else { return false };
-        if lowest == d {
-            return false;
-        }
-        // raising the lowest lifts the plane at d where d's barycentric coordinate for it is positive
-        let (v, w) = if lowest == a {
-            (b, c)
-        } else if lowest == b {
-            (c, a)
-        } else {
-            (a, b)
-        };
-        orient(self.point(v), self.point(w), self.point(d)) > 0.0
+        let all = [a, b, c, d];
+        encloses_by_name(all.map(|v| self.point(v)), all.map(|v| self.names[v as usize]))
     }
 
     /// Flips edges until the triangulation is the one that the tie rule asks for.

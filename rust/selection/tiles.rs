@@ -118,15 +118,15 @@ impl<'a, const D: usize> Tiles<'a, D> {
     /// The tile of the point at a leaf position where it lies deep enough inside, [`Tiles::count`] where it doesn't.
     fn place(&self, position: usize, f: f64) -> u16 {
         let count = self.count();
-        let tile = ((position + 1) * count).div_ceil(self.tree.len()) - 1;
-        let (own, all) = (self.tree.bounds(self.nodes.start + tile), self.tree.bounds(1));
+        let node = self.tree.node_of(position, self.nodes.start);
+        let (own, all) = (self.tree.bounds(node), self.tree.bounds(1));
         let x = &self.tree.points()[position];
         let is_deep = |room: f64| room * self.beta > f * ROOM;
         let is_inner = (0..D).all(|k| {
             (own.lo[k] == all.lo[k] || is_deep(x[k] - own.lo[k]))
                 && (own.hi[k] == all.hi[k] || is_deep(own.hi[k] - x[k]))
         });
-        if is_inner { tile as u16 } else { count as u16 }
+        if is_inner { (node - self.nodes.start) as u16 } else { count as u16 }
     }
 }
 

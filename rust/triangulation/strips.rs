@@ -91,11 +91,10 @@ impl Strips {
         let [u, v] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
         let [uu, vv] = [u, v].map(|e| e[0] * e[0] + e[1] * e[1]);
         let turn = u[0] * v[1] - u[1] * v[0];
-        let (across, radius) = {
-            let centre = [(v[1] * uu - u[1] * vv) / (2.0 * turn), (u[0] * vv - v[0] * uu) / (2.0 * turn)];
-            (centre[self.axis], (centre[0] * centre[0] + centre[1] * centre[1]).sqrt() * ROOM)
-        };
-        let middle = a[self.axis] + across;
+        // relative to the first corner
+        let centre = [(v[1] * uu - u[1] * vv) / (2.0 * turn), (u[0] * vv - v[0] * uu) / (2.0 * turn)];
+        let radius = (centre[0] * centre[0] + centre[1] * centre[1]).sqrt() * ROOM;
+        let middle = a[self.axis] + centre[self.axis];
         let is_over = strip == 0 || middle - radius > self.cuts[strip - 1];
         let is_under = strip == self.cuts.len() || middle + radius < self.cuts[strip];
         turn > LEAST_SINE * uu.max(vv) && is_over && is_under
@@ -231,19 +230,21 @@ fn beyond_rim(region: &Cells, rim: usize, first: u32) -> Option<Vec<u32>> {
 
 /// The cells of all parts, counted on, with room for more.
 fn concatenated(parts: &[Part], firsts: &[u32], room: usize) -> Cells {
-    fn rows(room: usize, own: impl Iterator<Item = impl ExactSizeIterator<Item = [u32; 3]>>) -> Vec<[u32; 3]> {
+    let filled = |rows: fn(&Part) -> &[[u32; 3]]| {
         let mut all = Vec::with_capacity(room);
-        own.for_each(|rows| all.extend(rows));
+        parts.iter().for_each(|part| all.extend_from_slice(rows(part)));
         all
-    }
-    let corners = || rows(room, parts.iter().map(|part| part.cells.cells.iter().copied()));
-    let codes = || rows(room, parts.iter().map(|part| part.cells.constraints.iter().copied()));
-    let counted = |(part, &first): (&'_ Part, &u32)| {
-        let next = move |t: u32| if t == NONE { NONE } else { first + t };
-        part.cells.neighbours.iter().map(move |beyond| beyond.map(next)).collect::<Vec<_>>().into_iter()
     };
-    let neighbours = || rows(room, parts.iter().zip(firsts).map(counted));
-    let (neighbours, (cells, constraints)) = rayon::join(neighbours, || (corners(), codes()));
+    let neighbours = || {
+        let mut all = Vec::with_capacity(room);
+        for (part, &first) in parts.iter().zip(firsts) {
+            let next = |t: u32| if t == NONE { NONE } else { first + t };
+            all.extend(part.cells.neighbours.iter().map(|beyond| beyond.map(next)));
+        }
+        all
+    };
+    let rest = || (filled(|part| &part.cells.cells), filled(|part| &part.cells.constraints));
+    let (neighbours, (cells, constraints)) = rayon::join(neighbours, rest);
     Cells { cells, neighbours, constraints }
 }
 

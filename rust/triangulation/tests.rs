@@ -1,6 +1,7 @@
-//! Large triangulations, in strips, against what defines them: sound cells that fill the hull, all constraints there, and
+//! The order of points; large triangulations, in strips, against what defines them: sound cells that fill the hull, all constraints there, and
 //! every other edge locally Delaunay by exact predicates.
 
+use super::order::hilbert;
 use super::*;
 use crate::point::{in_circle, orient};
 
@@ -9,6 +10,42 @@ fn numbers(mut state: u64) -> impl FnMut() -> f64 {
     move || {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (state >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// The Hilbert curve bit by bit.
+fn plain_hilbert(mut x: u32, mut y: u32) -> u64 {
+    let mut place = 0;
+    for bit in (0..32).rev() {
+        let (rx, ry) = (x >> bit & 1, y >> bit & 1);
+        place = place << 2 | u64::from((3 * rx) ^ ry);
+        if ry == 0 {
+            if rx == 1 {
+                (x, y) = (!x, !y);
+            }
+            (x, y) = (y, x);
+        }
+    }
+    place
+}
+
+#[test]
+fn the_curve_several_bits_at_a_time_is_the_curve() {
+    let mut next = numbers(1);
+    let mut word = || (next() * 2f64.powi(32)) as u32;
+    for _ in 0..100_000 {
+        let (x, y) = (word(), word());
+        assert_eq!(hilbert(x, y), plain_hilbert(x, y), "{x} {y}");
+    }
+}
+
+#[test]
+fn neighbours_along_the_curve_are_neighbours_in_the_plane() {
+    let mut cells: Vec<(u64, i64, i64)> =
+        (0..64).flat_map(|x| (0..64).map(move |y| (hilbert(x << 26, y << 26), x.into(), y.into()))).collect();
+    cells.sort_unstable();
+    for pair in cells.windows(2) {
+        assert_eq!((pair[0].1 - pair[1].1).abs() + (pair[0].2 - pair[1].2).abs(), 1);
     }
 }
 

@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .chords import Chord
 from .domain import Domain, FacetArrays
-from .drop_assemble import Dropped, Origin, assemble, attribute, loops
+from .drop_assemble import Dropped, Origin, assemble, is_given, loops
 from .drop_flip import free_moot_chords
 from .drop_label import Views, triangulate
 from .drop_mend import victims
@@ -141,7 +140,7 @@ class Ground:
             cells.peel(RIM_ANGLE_DEG, most_area)
             unpinch(cells, RIM_ANGLE_DEG, self.runs)
             cells.drop_crumbs()
-            free_moot_chords(cells, lambda c, chords=chords: self.is_given(chords[c]))  # type: ignore[misc]
+            free_moot_chords(cells, lambda c, chords=chords: is_given(domain, chords[c]))  # type: ignore[misc]
             lost = victims(cells, RIM_ANGLE_DEG, lambda s, cells=cells: self.cost(cells.sites[s], f))  # type: ignore[misc]
             shape = cells.shape(RIM_ANGLE_DEG)
             change = abs(cells.area() - self.area)
@@ -162,10 +161,6 @@ class Ground:
         _, choice, cells = best
         made = assemble(self.origin, choice, cells, is_allowed)
         return self.without(choice, cells, set())[0], made
-
-    def is_given(self, chord: Chord) -> bool:
-        """Whether the user gave a facet along a chord, on one of its sides."""
-        return any(attribute(self.domain, chord, side) is not None for side in (0, 1))
 
     def runs(self, site: int) -> int:
         """Return the runs of cells around a site in the input: two boundary edges bound each."""

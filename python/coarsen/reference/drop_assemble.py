@@ -79,7 +79,7 @@ def assemble(
             continue
         if not close_slits(trimmed, corners):
             break
-        free_moot_chords(trimmed, lambda c: any(attribute(domain, chords[c], side) is not None for side in (0, 1)))
+        free_moot_chords(trimmed, lambda c: is_given(domain, chords[c]))
     cells = list(corners)
     nodes = np.unique(np.array(list(corners.values()), np.int64))
     rows = np.searchsorted(nodes, np.array(list(corners.values()), np.int64)).reshape(-1, 3)
@@ -170,6 +170,11 @@ def attribute(domain: Domain, chord: Chord, side: int) -> int | None:
     side = side if chain.edge(chord.start).sides[side].is_inside else 1 - side
     positions = [k % len(chain.edges) for k in range(chord.start, chord.stop)]
     return _longest((chain.edges[k].sides[side], float(chain.arc[k + 1] - chain.arc[k])) for k in positions)
+
+
+def is_given(domain: Domain, chord: Chord) -> bool:
+    """Whether the user gave a facet along a chord, on one of its sides."""
+    return any(attribute(domain, chord, side) is not None for side in (0, 1))
 
 
 def _nearby(domain: Domain, sites: list[int]) -> int | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .domain import Domain, FacetArrays
 from .drop_parts import Parts, tell_parts
-from .drop_trim import Trimmed, centroid, edges_of
+from .drop_trim import Trimmed, centroid, edges_of, regions
 from .level import Choice
 from .loose import is_hole, specks
 from .patch import Cell
@@ -151,18 +151,13 @@ def _label(views: Views, trimmed: Trimmed, choice: Choice, f: Floats, failed: se
             is_unsure = is_loose
         if is_unsure:
             unsure.add(cell)
-    seen = set(unsure)
-    for first in cells:
-        if first in seen:
-            continue
-        seen.add(first)
-        region = [first]
-        for cell in region:
-            for edge in edges_of(cell):
-                other = trimmed.beyond(*edge)
-                if other is not None and edge not in trimmed.on_edge and other not in seen:
-                    seen.add(other)
-                    region.append(other)
+    sure = dict.fromkeys(cell for cell in cells if cell not in unsure)
+
+    def beside(cell: Cell) -> list[Cell]:
+        free = [edge for edge in edges_of(cell) if edge not in trimmed.on_edge]
+        return [other for edge in free if (other := trimmed.beyond(*edge)) is not None and other in sure]
+
+    for region in regions(sure, beside):
         votes = [said[cell] for cell in region if cell in said]
         silent = [cell for cell in region if cell not in said]
         if votes and all(vote == votes[0] for vote in votes):

@@ -188,28 +188,31 @@ class Trimmed:
 
     def drop_crumbs(self) -> None:
         """Drop parts of hardly any cells where there is a larger part."""
-        parts = list(self._connected())
+
+        def beside(cell: Cell) -> list[Cell]:
+            return [other for edge in edges_of(cell) if (other := self.across(*edge)) is not None]
+
+        parts = list(regions(self.label, beside))
         largest = max((len(part) for part in parts), default=0)
         for part in parts:
             if len(part) < min(CRUMB, largest):
                 for cell in part:
                     del self.label[cell]
 
-    def _connected(self) -> Iterator[list[Cell]]:
-        """Yield the cells of the level by connected parts."""
-        seen: set[Cell] = set()
-        for first in self.label:
-            if first in seen:
-                continue
-            seen.add(first)
-            part = [first]
-            for cell in part:
-                for edge in edges_of(cell):
-                    other = self.across(*edge)
-                    if other is not None and other not in seen:
-                        seen.add(other)
-                        part.append(other)
-            yield part
+
+def regions(cells: Iterable[Cell], beside: Callable[[Cell], Iterable[Cell]]) -> Iterator[list[Cell]]:
+    """Yield cells by connected regions; `beside` are those of them that a cell is connected with."""
+    seen: set[Cell] = set()
+    for first in cells:
+        if first in seen:
+            continue
+        seen.add(first)
+        region = [first]
+        for cell in region:
+            fresh = [other for other in beside(cell) if other not in seen]
+            seen.update(fresh)
+            region += dict.fromkeys(fresh)
+        yield region
 
 
 def after(cell: Cell, s: int) -> int:
