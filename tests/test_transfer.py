@@ -118,6 +118,19 @@ def test_nodes_on_coarse_edges_take_two_values_also_where_rounding_puts_them_off
     np.testing.assert_allclose(matrix[3:].data, 0.5, rtol=1e-13)
 
 
+@pytest.mark.parametrize("height", [1, 3, 6, 12])
+@pytest.mark.parametrize("core", [_core, reference])
+def test_a_node_in_a_needle_takes_the_values_next_to_it(core, height):
+    # flat up to rounding: the node is on the lines of two or three edges, and still far from all corners
+    corners = np.array([[0.0, 1.0], [1.0, 1.0], [0.5, 1.0 + height * np.spacing(1.0)]])
+    points = np.concatenate([corners, [[0.25, 1.0], [0.75, 1.0]]])
+    cells = np.array([[0, 3, 2], [3, 4, 2], [4, 1, 2]])
+    rows, outside, *_ = core.prolongation(points, cells, corners, np.array([[0, 1, 2]]), np.arange(3), None)
+    matrix = csr_matrix((rows[2], rows[1], rows[0]), shape=(5, 3))
+    assert len(outside) == 0
+    np.testing.assert_allclose(matrix @ corners, points, rtol=0, atol=1e-14)
+
+
 def test_the_result_never_depends_on_threads_nor_on_the_kind_of_indices():
     pair = square_pair(20_000)
     one = _core.prolongation(*pair, 1)

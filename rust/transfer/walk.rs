@@ -260,7 +260,7 @@ fn roundings(v: &Point<2>) -> f64 {
 }
 
 /// Twice the areas opposite to the nodes of a cell, and whether the point is up to rounding on the edge there.
-pub fn areas(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> ([f64; 3], [bool; 3]) {
+fn areas(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> ([f64; 3], [bool; 3]) {
     let corners = mesh.cells[cell as usize].map(|i| &mesh.points[i as usize]);
     let off = roundings(v);
     let mut area = [0.0; 3];
@@ -274,7 +274,7 @@ pub fn areas(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> ([f64; 3], [bool;
 }
 
 /// The place of a point of the closed cell.
-pub fn inside(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> Place {
+fn inside(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> Place {
     let (area, on) = areas(mesh, cell, v);
     let first = 3 * cell;
     let weights = match on {
@@ -282,10 +282,22 @@ pub fn inside(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> Place {
         [true, false, false] => along(mesh, first + 1, v),
         [false, true, false] => along(mesh, first + 2, v),
         [false, false, true] => along(mesh, first, v),
-        [true, true, true] => normalised(area.map(|a| a.max(0.0))),
-        _ => on.map(|on| f64::from(!on)),
+        _ => on_several(mesh, first, on, v),
     };
     Place { cell, beyond: INSIDE, weights }
+}
+
+/// Weights of a point up to rounding on the lines of two or three edges: at a corner, or in a needle far from any.
+fn on_several(mesh: &HalfEdges<'_>, first: u32, on: [bool; 3], v: &Point<2>) -> [f64; 3] {
+    let off = roundings(v);
+    let corner = (0..3).find(|&k| distance_2(mesh.point(first + k), v) <= off * off);
+    if let Some(k) = corner {
+        return [0, 1, 2].map(|other| f64::from(other == k));
+    }
+    // opposite to node k is the half-edge of the next one
+    let edges = (0..3).filter(|&k| on[k as usize]).map(|k| next(first + k));
+    let nearest = edges.map(|h| (nearest_on(mesh, h, v).1, h)).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    along(mesh, nearest.map_or(first, |(_, h)| h), v)
 }
 
 /// Weights that sum to 1 exactly.

@@ -98,7 +98,12 @@ def _inside(mesh: _Coarse, c: int, x: Point) -> Place:
         return c, INSIDE, tuple(w / sum(area) for w in area)
     if sum(on) == 1:
         return c, INSIDE, _along(mesh, c, (on.index(True) + 1) % 3, x)
-    return c, INSIDE, tuple(float(not k) for k in on)
+    # at a corner, or in a needle far from any
+    away = [float(np.hypot(px - x[0], py - x[1])) for px, py in (a, b, p)]
+    if min(away) <= _rounding(x):
+        return c, INSIDE, tuple(float(k == away.index(min(away))) for k in range(3))
+    lines = [(k + 1) % 3 for k in range(3) if on[k]] or [0, 1, 2]
+    return c, INSIDE, _along(mesh, c, min(lines, key=lambda k: (_foot(mesh, c, k, x)[1], k)), x)
 
 
 def _outside(mesh: _Coarse, c: int, k: int, x: Point) -> Place:
