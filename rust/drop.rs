@@ -196,13 +196,13 @@ impl<'a> Ground<'a> {
         for v in 0..self.domain.len() as u32 {
             choice.kept[v as usize] &= self.domain.copies(v).iter().any(|&node| is_allowed(node));
         }
-        let mut most_change = None;
+        let (mut most_change, mut sampled) = (None, Vec::new());
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
         let mut most_area = PEEL * self.area;
         for round in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
             choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles, &choice.chords);
-            let Some(mut cells) = self.triangulate(choice, f, is_allowed)? else { break };
+            let Some(mut cells) = self.triangulate(choice, f, is_allowed, &mut sampled)? else { break };
             cells.peel(RIM_ANGLE_DEG, most_area);
             cells.unpinch(RIM_ANGLE_DEG, |site| self.runs(site));
             cells.drop_crumbs();

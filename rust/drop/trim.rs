@@ -6,11 +6,16 @@ use crate::error::Error;
 use crate::level::{Choice, constraints_of, sites_of};
 use crate::point::{NONE, Point};
 use crate::triangulation::{Cells, hull};
+use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// A part of fewer cells than this is dropped where there is a larger one.
 const CRUMB: usize = 4;
+
+/// What lies at cells by their sample points: corners as sites, ascending, and the tag. It is a matter of the cell alone, and
+/// from round to round of a level few cells change.
+pub type Sampled = Vec<([u32; 3], Option<i64>)>;
 
 /// All cells of a triangulation, and which of them belong to the level.
 pub struct Trimmed {
@@ -33,12 +38,14 @@ pub struct Trimmed {
 }
 
 impl Ground<'_> {
-    /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all.
+    /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all. `sampled` is what the
+    /// round before sampled, and will be what this one does.
     pub fn triangulate(
         &self,
         choice: &Choice,
         f: &[f64],
         is_allowed: impl Fn(u32) -> bool,
+        sampled: &mut Sampled,
     ) -> Result<Option<Trimmed>, Error> {
         let domain = self.domain;
         let (mut sites, mut points) = sites_of(domain, self.input.points, choice);
@@ -47,7 +54,7 @@ impl Ground<'_> {
         sort_sites(&mut sites, &mut points, &mut cells);
         let angle = cells
             .cells
-            .iter()
+            .par_iter()
             .map(|cell| angles(&cell.map(|s| points[s as usize])).into_iter().fold(f64::INFINITY, f64::min))
             .collect();
         let mut is_slit: Vec<bool> = constraints.iter().map(|c| c.wall && c.left && c.right).collect();
@@ -55,7 +62,7 @@ impl Ground<'_> {
         let (label, part) = (vec![None; cells.cells.len()], vec![0; cells.cells.len()]);
         let mut trimmed = Trimmed { label, part, parts_at: Vec::new(), sites, points, cells, is_slit, angle };
         trimmed.sort_cells();
-        self.label(choice, f, &failed, &mut trimmed);
+        self.label(choice, f, &failed, &mut trimmed, sampled);
         self.part(choice, &mut trimmed, is_allowed);
         let is_empty = trimmed.label.iter().all(|label| label.is_none());
         Ok((!is_empty).then_some(trimmed))
@@ -63,7 +70,7 @@ impl Ground<'_> {
 
     /// Labels cells: beside a valid chord as the chord says, from there over the cells without loose corners up to the
     /// next chord, and by sample points where nothing or more than one thing is said.
-    fn label(&self, choice: &Choice, f: &[f64], failed: &[u32], trimmed: &mut Trimmed) {
+    fn label(&self, choice: &Choice, f: &[f64], failed: &[u32], trimmed: &mut Trimmed, sampled: &mut Sampled) {
         let domain = self.domain;
         let facets = domain.len() as u32;
         let mut missing = self.degree.clone();
@@ -124,12 +131,21 @@ impl Ground<'_> {
                 }
             }
         }
+        let (mut asked, mut label) = (Vec::new(), vec![None; n]);
         for t in 0..n {
-            trimmed.label[t] = match said[t] {
-                Some(label) if !unsure[t] => label,
-                _ => self.sample(trimmed, t, &is_gone),
-            };
+            match said[t] {
+                Some(said) if !unsure[t] => label[t] = said,
+                _ => asked.push(t),
+            }
         }
+        let seen = asked.par_iter().map(|&t| {
+            let cell = cells.cells[t].map(|s| trimmed.sites[s as usize]);
+            let before = sampled.binary_search_by_key(&cell, |old| old.0);
+            (cell, before.map_or_else(|_| self.sample(trimmed, t, &is_gone), |k| sampled[k].1))
+        });
+        *sampled = seen.collect();
+        asked.into_iter().zip(sampled).for_each(|(t, seen)| label[t] = seen.1);
+        trimmed.label = label;
     }
 
     /// The tag of most sample points of a cell, `None` where not most of them lie inside.
