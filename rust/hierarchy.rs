@@ -209,6 +209,10 @@ pub(crate) struct Builder<'a> {
     pub(crate) progress: &'a Progress,
     pub(crate) domain: &'a Domain,
     spacing: &'a Spacing<'a>,
+    /// The spacing over fewer sites, and the least factor that it is right for.
+    thin: Option<(f64, CoarseSpacing<'static, 2>)>,
+    /// f at all candidates for the factor of the first pool, until sites are left out by it.
+    known: Option<(f64, Vec<f64>)>,
     /// Levels between a pool and the level that draws from it.
     lag: usize,
     euler: i64,
@@ -345,6 +349,8 @@ impl<'a> Base<'a> {
             progress: self.progress,
             domain: self.domain,
             spacing,
+            thin: None,
+            known: None,
         }
     }
 }
@@ -411,7 +417,11 @@ impl Builder<'_> {
     pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
         let factor = self.factor(i);
         match self.spacing {
-            Spacing::Function(spacing) => spacing.at_tree(factor, &pool.candidates.tree, self.progress),
+            Spacing::Function(spacing) => match &self.thin {
+                Some((least, thin)) if factor >= *least => thin,
+                _ => spacing,
+            }
+            .at_tree(factor, &pool.candidates.tree, self.progress),
             Spacing::Threshold { g, held } => {
                 let own = threshold(g, factor);
                 Ok(pool.members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect())
@@ -430,6 +440,9 @@ impl Builder<'_> {
             self.progress.check()?;
             let level = self.pools.len() + self.lag;
             let facets = self.domain.len();
+            if self.pools.len() > 1 {
+                self.thin_sites(level);
+            }
             let last = &self.pools[self.pools.len() - 1];
             let f = self.spacing_in(level, last)?;
             let finer = self.factor(self.lag);
@@ -450,9 +463,27 @@ impl Builder<'_> {
                 f: picked.iter().map(|&k| f[k as usize]).collect(),
                 visits: order.len(),
             };
+            if let (Spacing::Function(all), [first]) = (self.spacing, &self.pools[..])
+                && all.is_over(&first.candidates.tree)
+            {
+                self.known = Some((self.factor(level), f));
+            }
             self.pools.push(pool);
         }
         Ok(wanted)
+    }
+
+    /// Leaves out the sites that win nowhere from level i on, where f is to be found at few candidates.
+    fn thin_sites(&mut self, i: usize) {
+        let factor = self.factor(i);
+        self.thin = match (self.spacing, self.thin.take(), self.known.take()) {
+            (Spacing::Threshold { .. }, ..) => None,
+            (_, Some((_, thin)), _) => Some((factor, thin.thinned(factor, None))),
+            (Spacing::Function(all), None, Some((lesser, f))) => {
+                Some((factor, all.thinned(factor, Some((lesser, &f)))))
+            }
+            (Spacing::Function(all), None, None) => Some((factor, all.thinned(factor, None))),
+        };
     }
 
     /// Number of cells that the triangulation of a choice has, by Euler's formula.

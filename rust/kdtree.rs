@@ -125,6 +125,8 @@ pub struct KdTree<const D: usize> {
     positions: OnceLock<Vec<u32>>,
     bounds: Vec<Bounds<D>>,
     first_leaf: usize,
+    /// Where leaves begin, and the last one ends, where they do not follow the formula: see [`KdTree::subset`].
+    starts: Option<Vec<u32>>,
 }
 
 #[derive(Clone, Copy)]
@@ -149,9 +151,34 @@ impl<const D: usize> KdTree<D> {
         let order = items.par_iter().map(|item| item.index).collect();
         let points: Vec<Point<D>> = items.par_iter().map(|item| item.point).collect();
         drop(items);
-        let mut tree = KdTree { points, order, positions: OnceLock::new(), bounds: Vec::new(), first_leaf };
-        tree.bounds = tree.folded(Bounds::EMPTY, |range| Bounds::of(&tree.points[range]), Bounds::merged);
-        tree
+        KdTree { points, order, positions: OnceLock::new(), bounds: Vec::new(), first_leaf, starts: None }.boxed()
+    }
+
+    fn boxed(mut self) -> Self {
+        self.bounds = self.folded(Bounds::EMPTY, |range| Bounds::of(&self.points[range]), Bounds::merged);
+        self
+    }
+
+    /// A tree of the points at some ascending leaf positions, which are its original indices from then on. No point
+    /// is sorted again: nodes are split where those of this tree are, so that leaves may hold any number of points, about
+    /// half of [`LEAF`] on average.
+    ///
+    /// Runtime: O(n), in parallel.
+    pub fn subset(&self, kept: &[u32]) -> Self {
+        let mut first_leaf = self.first_leaf;
+        while first_leaf > 1 && kept.len() * 2 <= first_leaf * LEAF {
+            first_leaf /= 2;
+        }
+        let begin = |leaf: usize| if leaf < 2 * first_leaf { self.range(leaf).start } else { self.len() };
+        let starts = (first_leaf..2 * first_leaf + 1)
+            .into_par_iter()
+            .with_min_len(GRAIN / LEAF)
+            .map(|leaf| kept.partition_point(|&p| (p as usize) < begin(leaf)) as u32)
+            .collect();
+        let points = kept.par_iter().map(|&p| self.points[p as usize]).collect();
+        let order = (0..kept.len() as u32).collect();
+        KdTree { points, order, positions: OnceLock::new(), bounds: Vec::new(), first_leaf, starts: Some(starts) }
+            .boxed()
     }
 
     /// The points in leaf order.
@@ -201,7 +228,13 @@ impl<const D: usize> KdTree<D> {
     /// Leaf positions of a node.
     #[inline(always)]
     pub fn range(&self, node: usize) -> Range<usize> {
-        range(node, self.points.len())
+        match &self.starts {
+            None => range(node, self.points.len()),
+            Some(starts) => {
+                let leaves = self.leaves(node);
+                starts[leaves.start - self.first_leaf] as usize..starts[leaves.end - self.first_leaf] as usize
+            }
+        }
     }
 
     /// Nodes of one depth that hold up to `most` points each, in leaf order (leaves where `most` is less than [`LEAF`]).
@@ -213,13 +246,14 @@ impl<const D: usize> KdTree<D> {
         first..2 * first
     }
 
-    /// The leaf that holds a position.
+    /// The leaf that holds a position; not in a [`KdTree::subset`].
     #[inline(always)]
     pub fn leaf_of(&self, position: usize) -> usize {
         self.node_of(position, self.first_leaf)
     }
 
-    /// The node that holds a position, among those of the depth that begins with the node `first`.
+    /// The node that holds a position, among those of the depth that begins with the node `first`; not in a
+    /// [`KdTree::subset`].
     #[inline(always)]
     pub fn node_of(&self, position: usize, first: usize) -> usize {
         first + ((position + 1) * first).div_ceil(self.len()) - 1

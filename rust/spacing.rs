@@ -11,11 +11,14 @@
 //! Queries go in blocks of neighbours: one walk down the tree serves a block, with its box in place of the point, and
 //! starts from what is known already: C g at the query itself, and the site that won at the query before.
 
+mod thin;
+
 use crate::error::Error;
 use crate::kdtree::{Bounds, GRAIN, KdTree, LEAF};
 use crate::point::{Point, distance, distance_2};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::cell::Cell;
 use std::ops::Range;
 use std::slice;
@@ -59,7 +62,7 @@ pub fn threshold(g: &[f64], factor: f64) -> Vec<f64> {
 /// The C-coarsening of a spacing g over the points of a tree, for any C (see the module).
 #[derive(Debug)]
 pub struct CoarseSpacing<'a, const D: usize> {
-    tree: &'a KdTree<D>,
+    tree: Cow<'a, KdTree<D>>,
     gradation: f64,
     g: Vec<f64>,
     least_g: Vec<f64>,
@@ -78,6 +81,10 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     ///
     /// Runtime: O(n).
     pub fn new(tree: &'a KdTree<D>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
+        Self::over(Cow::Borrowed(tree), g, cap, gradation)
+    }
+
+    fn over(tree: Cow<'a, KdTree<D>>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
         let in_leaf_order =
             |values: &[f64]| -> Vec<f64> { tree.order().par_iter().map(|&i| values[i as usize]).collect() };
         let g = in_leaf_order(g);
@@ -91,26 +98,33 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
 
     /// f at every point of the tree, by original index.
     pub fn at_points(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
-        Ok(by_index(self.tree, &self.at_leaves(factor, progress)?))
+        Ok(by_index(&self.tree, &self.at_leaves(factor, progress)?))
     }
 
     /// f at every point of the tree, in leaf order.
     fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
         let level = self.level(factor);
-        by_leaves(self.tree, progress, |leaves, mut found| {
+        by_leaves(&self.tree, progress, |leaves, mut found| {
             let mut winner = None;
             for leaf in leaves {
                 let range = self.tree.range(leaf);
                 let (best, rest) = found.split_at_mut(range.len());
-                level.block(Some(leaf), &self.tree.points()[range], best, &mut winner);
+                for (queries, best) in self.tree.points()[range].chunks(LEAF).zip(best.chunks_mut(LEAF)) {
+                    level.block(Some(leaf), queries, best, &mut winner);
+                }
                 found = rest;
             }
         })
     }
 
+    /// Whether the sites are the points of this very tree.
+    pub fn is_over(&self, tree: &KdTree<D>) -> bool {
+        std::ptr::eq(tree, &*self.tree)
+    }
+
     /// f at the points of a tree, by original index: this spacing's own (then as [`CoarseSpacing::at_points`]) or another.
     pub fn at_tree(&self, factor: f64, at: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
-        if std::ptr::eq(at, self.tree) {
+        if self.is_over(at) {
             return self.at_points(factor, progress);
         }
         Ok(by_index(at, &self.at_sorted(factor, at.points(), progress)?))
@@ -173,19 +187,31 @@ impl<const D: usize> Level<'_, '_, D> {
     ///
     /// Written for vector units: the cones one by one without a branch, then their minimum.
     #[inline(always)]
-    fn least_cone(&self, range: Range<usize>, x: &Point<D>) -> f64 {
+    fn least_cone(&self, node: usize, range: Range<usize>, x: &Point<D>) -> f64 {
+        let has_cap = self.spacing.cap.as_ref().is_some_and(|cap| cap.least[node] < f64::INFINITY);
+        let mut least = f64::INFINITY;
+        for start in range.clone().step_by(LEAF) {
+            let some = self.least_of_few(has_cap, start..range.end.min(start + LEAF), x);
+            least = if some < least { some } else { least };
+        }
+        least
+    }
+
+    /// The least cone of up to [`LEAF`] sites at x.
+    #[inline(always)]
+    fn least_of_few(&self, has_cap: bool, range: Range<usize>, x: &Point<D>) -> f64 {
         let slope = self.spacing.gradation;
         let mut cones = [f64::INFINITY; LEAF];
         let cones_of =
             cones.iter_mut().zip(&self.spacing.tree.points()[range.clone()]).zip(&self.spacing.g[range.clone()]);
         match &self.spacing.cap {
-            Some(cap) => {
+            Some(cap) if has_cap => {
                 for (((cone, p), g), &cap) in cones_of.zip(&cap.at[range]) {
                     let grown = self.factor * g;
                     *cone = (if cap < grown { cap } else { grown }) + slope * distance(p, x);
                 }
             }
-            None => {
+            _ => {
                 for ((cone, p), g) in cones_of {
                     *cone = self.factor * g + slope * distance(p, x);
                 }
@@ -228,7 +254,7 @@ impl<const D: usize> Level<'_, '_, D> {
     /// One walk over the tree for a few queries in the box `around`, from a node near them.
     #[inline(always)]
     fn walk(&self, start: usize, queries: &[Point<D>], around: &Bounds<D>, best: &mut [f64], winner: &mut Winner) {
-        let (tree, slope) = (self.spacing.tree, self.spacing.gradation);
+        let (tree, slope) = (&*self.spacing.tree, self.spacing.gradation);
         for (x, best) in queries.iter().zip(best.iter_mut()) {
             *best = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
         }
@@ -246,7 +272,7 @@ impl<const D: usize> Level<'_, '_, D> {
                 queries.iter().zip(&mut bound).for_each(|(x, b)| *b = least + slope * bounds.distance_2(x).sqrt());
                 for (k, ((x, &bound), best)) in queries.iter().zip(&bound).zip(best.iter_mut()).enumerate() {
                     if bound < *best {
-                        let value = if lone { bound } else { self.least_cone(range.clone(), x) };
+                        let value = if lone { bound } else { self.least_cone(node, range.clone(), x) };
                         if value < *best {
                             *best = value;
                             last = Some((if lone { range.start..range.start + 1 } else { range.clone() }, k));

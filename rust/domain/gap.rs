@@ -14,6 +14,7 @@
 use super::{Chain, Domain};
 use crate::kdtree::KdTree;
 use crate::point::{Point, distance};
+use rayon::prelude::*;
 
 /// How much shorter than along the facets the way through space must be.
 pub const GAMMA: f64 = 0.65;
@@ -115,8 +116,11 @@ impl Domain {
         let first = |chain: &Chain| self.points[chain.vertices[0] as usize];
         let mut chains: Vec<(u32, Point<2>)> = (0u32..).zip(self.chains.iter().map(first)).collect();
         tree.grow_chains(&mut chains, 0);
-        let mut stack = Vec::new();
-        let mut gaps: Vec<f64> = (0..self.len() as u32).map(|v| tree.gap(v, &mut stack)).collect();
+        let mut gaps: Vec<f64> = (0..self.len() as u32)
+            .into_par_iter()
+            .with_min_len(64)
+            .map_init(Vec::new, |stack, v| tree.gap(v, stack))
+            .collect();
         let corners: Vec<usize> = (0..self.len()).filter(|&v| self.corner[v]).collect();
         let corner_points: Vec<Point<2>> = corners.iter().map(|&v| self.points[v]).collect();
         let corner_tree = KdTree::new(&corner_points);

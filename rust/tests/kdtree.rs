@@ -53,6 +53,15 @@ fn searches_agree<const D: usize>(points: &[Point<D>], x: Point<D>, radius: f64)
     found.sort_unstable();
     let brute: Vec<u32> = (0..points.len() as u32).filter(|&i| distance(&points[i as usize], &x) < radius).collect();
     prop_assert_eq!(found, brute);
+    let kept: Vec<u32> = (0..points.len() as u32).filter(|p| p % 3 != 1).collect();
+    let few = tree.subset(&kept);
+    let mut found = Vec::new();
+    few.ball(&x, radius, |position, _| found.push(tree.order()[kept[few.order()[position] as usize] as usize]));
+    found.sort_unstable();
+    let is_near = |&i: &u32| distance(&points[i as usize], &x) < radius;
+    let mut brute: Vec<u32> = kept.iter().map(|&p| tree.order()[p as usize]).filter(is_near).collect();
+    brute.sort_unstable();
+    prop_assert_eq!(found, brute);
     Ok(())
 }
 

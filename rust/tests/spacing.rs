@@ -54,7 +54,52 @@ fn coarsened_agrees<const D: usize>(
     let spacing = CoarseSpacing::new(&tree, g, Some(cap), gradation);
     prop_assert_eq!(spacing.at_points(factor, &progress)?, points.iter().map(capped).collect::<Vec<_>>());
     prop_assert_eq!(spacing.at(factor, &at, &progress)?, at.iter().map(capped).collect::<Vec<_>>());
+    thinned_agrees(&spacing, (points, g, cap), &at, (factor, gradation))
+}
+
+/// Sites that are left out for a factor win nowhere, for greater factors neither.
+fn thinned_agrees<const D: usize>(
+    spacing: &CoarseSpacing<'_, D>,
+    (points, g, cap): (&[Point<D>], &[f64], &[f64]),
+    at: &[Point<D>],
+    (factor, gradation): (f64, f64),
+) -> Result<(), TestCaseError> {
+    let progress = Progress::default();
+    let known = spacing.at_points(factor, &progress)?;
+    let once = spacing.thinned(1.5 * factor, Some((factor, &known)));
+    let twice = once.thinned(2.0 * factor, None);
+    for (thin, factor) in
+        [(&once, 1.5 * factor), (&once, 4.0 * factor), (&twice, 2.0 * factor), (&twice, 50.0 * factor)]
+    {
+        for at in [points, at] {
+            let value = |p: usize, x: &Point<D>| (factor * g[p]).min(cap[p]) + gradation * distance(&points[p], x);
+            let brute = |x: &Point<D>| (0..points.len()).map(|p| value(p, x)).fold(f64::INFINITY, f64::min);
+            prop_assert_eq!(thin.at(factor, at, &progress)?, at.iter().map(brute).collect::<Vec<_>>());
+        }
+    }
     Ok(())
+}
+
+#[test]
+fn few_sites_are_left_of_many() {
+    let progress = Progress::default();
+    let random = |i: u64| {
+        let mixed = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        ((mixed ^ (mixed >> 31)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let points: Vec<Point<2>> = (0..20_000).map(|i| [random(2 * i), random(2 * i + 1)]).collect();
+    let tree = KdTree::new(&points);
+    let g = nearest(&tree, &progress).expect("nobody stops it");
+    let cap: Vec<f64> = (0..20_000).map(|i| if i % 50 == 0 { 0.01 } else { f64::INFINITY }).collect();
+    let spacing = CoarseSpacing::new(&tree, &g, Some(&cap), 0.7);
+    let known = spacing.at_points(2.0, &progress).expect("nobody stops it");
+    let thin = spacing.thinned(4.0, Some((2.0, &known))).thinned(8.0, None);
+    let left = thin.at_points(8.0, &progress).expect("nobody stops it").len();
+    assert!(left < 6_000, "{left} sites are left");
+    for factor in [8.0, 9.0, 64.0, 1e5] {
+        let whole = spacing.at(factor, &points, &progress).expect("nobody stops it");
+        assert_eq!(thin.at(factor, &points, &progress).expect("nobody stops it"), whole, "{factor}");
+    }
 }
 
 /// Points, spacing and caps at them.
