@@ -299,7 +299,7 @@ pub(crate) fn sites_of(domain: &Domain, points: &[Point<2>], choice: &Choice) ->
     sites.extend(choice.interior.iter().map(|&node| facets + node));
     let place = |s: u32| if s < facets { domain.points[s as usize] } else { points[(s - facets) as usize] };
     sort_spatially(&mut sites, place);
-    let site_points = sites.iter().map(|&s| place(s)).collect();
+    let site_points = sites.par_iter().map(|&s| place(s)).collect();
     (sites, site_points)
 }
 

@@ -40,6 +40,22 @@ pub struct Cells {
     pub constraints: Vec<[u32; 3]>,
 }
 
+/// Numbers that one thread goes through in one go.
+const GRAIN: usize = 16_384;
+
+/// Those of the first `n` numbers that stay, and the place of each among them, [`NONE`] for others.
+pub(crate) fn counted(n: usize, stays: impl Fn(usize) -> bool + Sync) -> (Vec<u32>, Vec<u32>) {
+    let kept: Vec<u32> = (0..n as u32).into_par_iter().filter(|&t| stays(t as usize)).collect();
+    let mut places = vec![NONE; n];
+    places.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, places)| {
+        let first = chunk * GRAIN;
+        let start = kept.partition_point(|&t| (t as usize) < first);
+        let own = kept[start..].iter().zip(start as u32..).take_while(|&(&t, _)| (t as usize) < first + GRAIN);
+        own.for_each(|(&t, place)| places[t as usize - first] = place);
+    });
+    (kept, places)
+}
+
 /// Delaunay triangulation of the convex hull, with given edges kept; points in any order are inserted along a Hilbert curve.
 ///
 /// # Errors
@@ -127,9 +143,7 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
     if within.iter().any(|&t| is_out[t]) {
         return Err(Error::Internal("the flood of the outside came into the domain".into()));
     }
-    let kept: Vec<u32> = (0..all.cells.len() as u32).filter(|&t| !is_out[t as usize]).collect();
-    let mut cell_of = vec![NONE; all.cells.len()];
-    kept.iter().zip(0..).for_each(|(&t, number)| cell_of[t as usize] = number);
+    let (kept, cell_of) = counted(all.cells.len(), |t| !is_out[t]);
     let cell = |&t: &u32| {
         let (beyond, codes) = (all.neighbours[t as usize], all.constraints[t as usize]);
         let open = |k: usize| if is_wall(codes[k]) || beyond[k] == NONE { NONE } else { cell_of[beyond[k] as usize] };

@@ -5,7 +5,7 @@ use crate::domain::Chord;
 use crate::kdtree::Bounds;
 use crate::level::{Choice, Triangulated, each_in};
 use crate::point::{NONE, distance, orient};
-use crate::triangulation::Cells;
+use crate::triangulation::{Cells, counted};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -246,22 +246,24 @@ impl Work<'_> {
             }),
         );
         // a site is there where its candidate is taken, and by this site: the last to take it
-        let mut holder = vec![NONE; self.taken.len()];
-        for (s, &k) in self.candidate.iter().enumerate().filter(|&(_, &k)| self.taken[k as usize]) {
-            holder[k as usize] = s as u32;
+        let mut stays = vec![false; sites.len()];
+        let mut taken = self.taken;
+        for s in (old_sites.len()..sites.len()).rev() {
+            stays[s] = std::mem::replace(&mut taken[self.candidate[s] as usize], false);
         }
-        let mut index = vec![NONE; sites.len()];
-        let (mut kept, mut points) = (Vec::new(), Vec::new());
-        for (s, &k) in self.candidate.iter().enumerate().filter(|&(s, &k)| holder[k as usize] == s as u32) {
-            index[s] = kept.len() as u32;
-            kept.push(sites[s]);
-            points.push(self.scene.candidates.points[k as usize]);
+        let (old, new) = stays.split_at_mut(old_sites.len());
+        old.par_iter_mut().zip(&self.candidate).for_each(|(stays, &k)| *stays = taken[k as usize]);
+        for (&k, _) in self.candidate[old_sites.len()..].iter().zip(new).filter(|(_, stays)| **stays) {
+            taken[k as usize] = true;
         }
+        let (places, index) = counted(sites.len(), |s| stays[s]);
+        let kept: Vec<u32> = places.par_iter().map(|&s| sites[s as usize]).collect();
+        let points = places.par_iter().map(|&s| *self.patch.point(s)).collect();
         let mut cells: Cells = self.patch.into_cells();
         cells.cells.par_iter_mut().flatten_iter().for_each(|v| *v = index[*v as usize]);
         choice.interior = kept.iter().filter_map(|&site| site.checked_sub(facets as u32)).collect();
         if self.chords.len() > choice.chords.len() {
-            choice.kept.copy_from_slice(&self.taken[..facets]);
+            choice.kept.copy_from_slice(&taken[..facets]);
             choice.chords = self.scene.domain.chords(&choice.kept);
             // of a closed chain the first chord may be another one now
             let length = |chain: u32| self.scene.domain.chains[chain as usize].vertices.len() as u32;

@@ -54,14 +54,14 @@ impl<'a> Work<'a> {
         scene.seeds.iter().for_each(|&k| may_go[k as usize] = false);
         let mut sides = vec![0; domain.chains.len()];
         choice.chords.iter().for_each(|chord| sides[chord.chain as usize] += 1);
-        let names = candidate.iter().map(|&k| scene.candidates.nodes[k as usize]).collect();
+        let names = candidate.par_iter().map(|&k| scene.candidates.nodes[k as usize]).collect();
         let own = candidate.len() as i64 - scene.surplus;
         Work {
             patch: Patch::new(level.points.clone(), names, &level.cells, choice.chords.len()),
             chords: choice.chords.clone(),
             chords_before: Vec::new(),
             sides,
-            is_free: candidate.iter().map(|&k| may_go[k as usize]).collect(),
+            is_free: candidate.par_iter().map(|&k| may_go[k as usize]).collect(),
             bends,
             gone: Vec::new(),
             sites_before: candidate.len(),

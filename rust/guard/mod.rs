@@ -27,6 +27,7 @@ use crate::domain::{Chord, Domain};
 use crate::level::{Candidates, Choice, Place, Triangulated};
 use crate::point::Point;
 use patch::Patch;
+use rayon::prelude::*;
 
 /// Share of nodes that the guard may add to a level.
 pub const BUDGET: f64 = 0.10;
@@ -106,9 +107,9 @@ pub fn better(
     guard: Guard,
     level: &Triangulated,
     choice: &mut Choice,
-    candidate_of: impl Fn(u32) -> u32,
+    candidate_of: impl Fn(u32) -> u32 + Sync,
 ) -> (Triangulated, Outcome) {
-    let candidate: Vec<u32> = level.sites.iter().map(|&site| candidate_of(site)).collect();
+    let candidate: Vec<u32> = level.sites.par_iter().map(|&site| candidate_of(site)).collect();
     let mut chosen = choice.clone();
     let done = Work::new(scene, guard, level, choice, candidate.clone(), true).done(&level.sites, &mut chosen);
     let is_touched = chosen.kept != choice.kept;

@@ -4,7 +4,7 @@
 //! triangulation is unique: a quadrilateral on a circle has the diagonal that avoids its lowest name. Predicates are exact.
 
 use crate::point::{NONE, Point, encloses_by_name, in_circle, orient};
-use crate::triangulation::Cells;
+use crate::triangulation::{Cells, counted};
 use rayon::prelude::*;
 
 /// Steps of a walk after which a point counts as not found.
@@ -87,9 +87,7 @@ impl Patch {
 
     /// The cells, without those that are gone.
     pub fn into_cells(self) -> Cells {
-        let alive: Vec<u32> = (0..self.cells.len() as u32).filter(|&t| self.cells[t as usize] != DEAD).collect();
-        let mut index = vec![NONE; self.cells.len()];
-        alive.iter().zip(0..).for_each(|(&t, new)| index[t as usize] = new);
+        let (alive, index) = counted(self.cells.len(), |t| self.cells[t] != DEAD);
         let neighbour = |t: u32| if t == NONE { NONE } else { index[t as usize] };
         let cell = |&t: &u32| {
             let cell = &self.cells[t as usize];
@@ -305,8 +303,9 @@ impl Patch {
 
     /// Flips edges until the triangulation is the one that the tie rule asks for.
     fn break_ties(&mut self) {
-        // few cells have a tie, and who has one is seen without changing any
-        let has_tie = |&t: &u32| (0..3).any(|k| self.wrong_diagonal(t, k).is_some());
+        // few edges have a tie, and which is seen without changing any, from the first of the two cells beside each
+        let has_tie =
+            |&t: &u32| (0..3).any(|k| self.cells[t as usize].neighbours[k] > t && self.wrong_diagonal(t, k).is_some());
         let mut waiting: Vec<u32> = (0..self.cells.len() as u32).into_par_iter().filter(has_tie).collect();
         waiting.reverse();
         while let Some(t) = waiting.pop() {
