@@ -12,6 +12,7 @@ from scipy.spatial import Delaunay
 
 import coarsen
 from coarsen import _core, reference, transfer
+from domains import domains
 
 SEED = 20_24
 
@@ -306,6 +307,25 @@ def two_arms(mesh, gap=1e-3):
     return points[used], index.reshape(cells.shape)
 
 
+@pytest.mark.parametrize("core", [_core, reference])
+def test_no_value_crosses_a_notch_at_a_shared_node(core):
+    #   w
+    #   |  \
+    #   |   v       s, d and e are coarse, and v is nearest to the edge from s to e, over the gap between v and e
+    #   s ---- e
+    coarse = np.array([[0.0, 0.0], [0.0, -4.0], [4.0, 0.0]])
+    points = np.concatenate([coarse, [[3.0, 1.0], [0.0, 3.0], [-3.0, 0.0]]])
+    cells = np.array([[0, 1, 2], [0, 3, 4], [0, 4, 5], [0, 5, 1]])
+    rows, outside, distance, lost = core.prolongation(
+        points, cells, coarse, np.array([[0, 1, 2]]), np.array([0, 1, 2]), None
+    )
+    matrix = csr_matrix((rows[2], rows[1], rows[0]), shape=(6, 3)).toarray()
+    assert (matrix[3:] == [1, 0, 0]).all()
+    assert (outside == [3, 4, 5]).all()
+    np.testing.assert_allclose(distance, [np.sqrt(10), 3, 3])
+    assert len(lost) == 0
+
+
 def test_no_value_goes_from_one_part_into_another():
     one = coarsen.gallery.ring(800)
     two = coarsen.gallery.square(800, seed=2)
@@ -554,6 +574,22 @@ def test_the_twins_agree(name, features):
             rows = core.galerkin(A, matrices[0], 0.05, None)[1]
             products.append(csr_matrix((rows[2], rows[1], rows[0]), shape=(coarse.n_points,) * 2).toarray())
         np.testing.assert_allclose(*products, atol=1e-12)
+
+
+@pytest.mark.parametrize("features", ["keep", "drop"])
+def test_the_twins_agree_on_random_domains(features):
+    for mesh in domains(1, 30, most=80):
+        h = coarsen.hierarchy(mesh, features=features, coarsest=6)
+        for i in range(1, len(h)):
+            fine, coarse = h[i - 1].mesh, h[i].mesh
+            shared = transfer.shared_nodes(h, i - 1, i)
+            pair = (fine.points, fine.cells, coarse.points, coarse.cells, shared, None)
+            (rust, outside, _, lost), (numpy, *others) = _core.prolongation(*pair), reference.prolongation(*pair)
+            shape = (fine.n_points, coarse.n_points)
+            matrices = [csr_matrix((rows[2], rows[1], rows[0]), shape=shape).toarray() for rows in (rust, numpy)]
+            np.testing.assert_allclose(*matrices, atol=1e-7)
+            assert (outside == others[0]).all()
+            assert (lost == others[2]).all()
 
 
 def test_hierarchies_of_the_reference_have_operators_too():

@@ -68,7 +68,7 @@ fn py_overlap<'py>(
     let made = run(py, threads, None, |_| {
         let coarse = HalfEdges::new(coarse_points, &coarse)?;
         let located = prolongation::locate(points, &fine, &coarse, &injection)?;
-        overlap::areas(points, &fine, &coarse, &located.places)
+        overlap::areas(points, &fine, &coarse, &located)
     })?;
     Ok(matrix(py, made))
 }

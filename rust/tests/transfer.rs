@@ -104,7 +104,7 @@ proptest! {
         let (coarse_points, coarse_cells, injection) = coarsened(k, &points);
         let coarse = HalfEdges::new(&coarse_points, &coarse_cells).unwrap();
         let located = locate(&points, &cells, &coarse, &injection).unwrap();
-        let rows = overlap::areas(&points, &cells, &coarse, &located.places).unwrap();
+        let rows = overlap::areas(&points, &cells, &coarse, &located).unwrap();
         let mut covered = vec![0.0; coarse_cells.len()];
         for (i, cell) in cells.iter().enumerate() {
             let (columns, values) = rows.view().row(i);

@@ -5,8 +5,9 @@
 //! of its own side only. Triangles are cut by half-planes (Sutherland and Hodgman 1974).
 
 use super::halfedges::HalfEdges;
+use super::prolongation::Located;
 use super::rows::{Block, Rows};
-use super::walk::{INSIDE, Place, walk};
+use super::walk::walk;
 use crate::error::Error;
 use crate::point::{NONE, Point};
 use rayon::prelude::*;
@@ -19,13 +20,18 @@ const CHUNK: usize = 1024;
 
 /// The areas by finer cell (rows) and coarse cell (columns); a finer cell that lies outside has one entry, 0, at the
 /// coarse cell next to it. Runtime: O(pairs of cells that meet).
-pub fn areas(points: &[Point<2>], cells: &[[u32; 3]], coarse: &HalfEdges<'_>, places: &[Place]) -> Result<Rows, Error> {
+pub fn areas(
+    points: &[Point<2>],
+    cells: &[[u32; 3]],
+    coarse: &HalfEdges<'_>,
+    located: &Located<'_>,
+) -> Result<Rows, Error> {
     let starts: Vec<usize> = (0..cells.len()).step_by(CHUNK).collect();
     let blocks = starts.into_par_iter().map(|start| {
         let mut block = Block::default();
         let mut flood = Vec::new();
         for cell in &cells[start..(start + CHUNK).min(cells.len())] {
-            cut(points, cell, coarse, places, &mut flood)?;
+            cut(points, cell, coarse, located, &mut flood)?;
             flood.sort_unstable_by_key(|entry: &(u32, f64)| entry.0);
             block.counts.push(flood.len() as u32);
             block.indices.extend(flood.iter().map(|entry| entry.0 as i32));
@@ -41,23 +47,20 @@ fn cut(
     points: &[Point<2>],
     cell: &[u32; 3],
     coarse: &HalfEdges<'_>,
-    places: &[Place],
+    located: &Located<'_>,
     flood: &mut Vec<(u32, f64)>,
 ) -> Result<(), Error> {
+    let places = &located.places;
     let corners = cell.map(|i| points[i as usize]);
     let middle = [0, 1].map(|d| (corners[0][d] + corners[1][d] + corners[2][d]) / 3.0);
     let whole = area(&corners);
-    let is_tip = |i: u32| {
-        let place = &places[i as usize];
-        let node = (0..3).find(|&k| place.weights[k] == 1.0).map(|k| coarse.cells[place.cell as usize][k]);
-        node.is_some_and(|node| coarse.is_tip(node))
-    };
+    let is_tip = |i: u32| places[i as usize].node(coarse).is_some_and(|node| coarse.is_tip(node));
     // a walk may start in the wrong cell of a tip only
-    let order = |&i: &u32| (is_tip(i), places[i as usize].beyond < INSIDE, i);
+    let order = |&i: &u32| (is_tip(i), places[i as usize].is_outside(), i);
     let from = cell.iter().copied().min_by_key(order).unwrap_or(cell[0]) as usize;
-    let home = walk(coarse, &points[from], &places[from], &middle)?;
+    let home = walk(coarse, &located.walls, &points[from], &places[from], NONE, &middle)?;
     let mut seen: Vec<u32> = vec![home.cell];
-    if home.beyond < INSIDE {
+    if home.is_outside() {
         // the middle is outside: what lies inside is found from the nodes there
         seen.extend(cell.iter().map(|&i| places[i as usize].cell));
         seen.sort_unstable();

@@ -16,19 +16,23 @@
 //! are searched for from one node each: in all cells, else on all boundary edges.
 
 use super::halfedges::HalfEdges;
+use super::place::{INSIDE, Place, anywhere};
 use super::rows::Rows;
-use super::walk::{INSIDE, Place, anywhere, walk};
+use super::walk::walk;
+use super::walls::Walls;
 use crate::error::Error;
 use crate::point::{NONE, Point, distance};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Where the nodes of a finer mesh lie.
-pub struct Located {
+pub struct Located<'a> {
     /// By node of the finer mesh.
     pub places: Vec<Place>,
     /// Nodes of parts that share no node with the coarse mesh and do not lie in it either, ascending.
     pub lost: Vec<u32>,
+    /// Where the finer mesh ends.
+    pub walls: Walls<'a>,
 }
 
 /// Nodes that one thread walks to at least.
@@ -37,12 +41,12 @@ const GRAIN: usize = 512;
 /// Locates the nodes of a finer mesh in a coarser one; `injection` has the finer node of each coarse node, or `NONE`.
 ///
 /// Cells of both counter-clockwise. Runtime: O(n + m).
-pub fn locate(
-    points: &[Point<2>],
-    cells: &[[u32; 3]],
-    coarse: &HalfEdges<'_>,
+pub fn locate<'a>(
+    points: &'a [Point<2>],
+    cells: &'a [[u32; 3]],
+    coarse: &'a HalfEdges<'a>,
     injection: &[u32],
-) -> Result<Located, Error> {
+) -> Result<Located<'a>, Error> {
     if coarse.cells.is_empty() {
         return Err(Error::Argument("the coarse mesh has no cells".into()));
     }
@@ -50,7 +54,7 @@ pub fn locate(
     search.run()?;
     search.reconsider()?;
     let lost = (0..points.len() as u32).filter(|&v| search.status[v as usize] & LOST != 0).collect();
-    Ok(Located { places: search.places, lost })
+    Ok(Located { places: search.places, lost, walls: search.walls })
 }
 
 /// The matrix of the weights, and the distance of each node that lies outside of the coarse mesh.
@@ -92,7 +96,7 @@ pub fn weights(
             }
         }
     });
-    let outside = (0..places.len() as u32).filter(|&v| places[v as usize].beyond < INSIDE);
+    let outside = (0..places.len() as u32).filter(|&v| places[v as usize].is_outside());
     let outside = outside.map(|v| (v, distance(&points[v as usize], &point_of(coarse, &places[v as usize])))).collect();
     Ok((Rows { columns: coarse.points.len(), indptr, indices, data }, outside))
 }
@@ -122,6 +126,7 @@ struct Search<'a> {
     points: &'a [Point<2>],
     cells: &'a [[u32; 3]],
     coarse: &'a HalfEdges<'a>,
+    walls: Walls<'a>,
     places: Vec<Place>,
     status: Vec<u8>,
     /// Start of the walk to a node, least first: whether it lies outside, then its index.
@@ -146,6 +151,8 @@ impl<'a> Search<'a> {
     ) -> Result<Self, Error> {
         let mut places = vec![Place::UNKNOWN; points.len()];
         let mut status = on_boundary(points.len(), cells);
+        let is_on = |v: u32| status.get(v as usize).is_some_and(|status| status & ON_BOUNDARY != 0);
+        let walls = Walls::new(points, cells, is_on, injection);
         for (c, &v) in injection.iter().enumerate().filter(|&(_, &v)| v != NONE) {
             let (place, status) = match (places.get_mut(v as usize), status.get_mut(v as usize)) {
                 (Some(place), Some(status)) => (place, status),
@@ -158,7 +165,7 @@ impl<'a> Search<'a> {
         }
         let missing = (0..points.len() as u32).filter(|&v| status[v as usize] & FOUND == 0).collect();
         let from = (0..points.len()).map(|_| AtomicU64::new(NOWHERE)).collect();
-        Ok(Self { points, cells, coarse, places, status, from, open: None, missing })
+        Ok(Self { points, cells, coarse, walls, places, status, from, open: None, missing })
     }
 
     fn run(&mut self) -> Result<(), Error> {
@@ -188,8 +195,7 @@ impl<'a> Search<'a> {
             return true;
         }
         let place = &self.places[u as usize];
-        let node = (0..3).find(|&k| place.weights[k] == 1.0).map(|k| self.coarse.cells[place.cell as usize][k]);
-        start == Start::Boundary && !node.is_some_and(|node| self.coarse.is_tip(node))
+        start == Start::Boundary && !place.node(self.coarse).is_some_and(|node| self.coarse.is_tip(node))
     }
 
     /// Tells every missing node the least neighbour to start from.
@@ -208,7 +214,7 @@ impl<'a> Search<'a> {
         open.par_iter().with_min_len(4096).for_each(|&c| {
             let cell = self.cells[c as usize];
             for &u in cell.iter().filter(|&&u| self.may_start(u, start)) {
-                let outside = u64::from(self.places[u as usize].beyond < INSIDE);
+                let outside = u64::from(self.places[u as usize].is_outside());
                 for &v in cell.iter().filter(|&&v| self.status[v as usize] & FOUND == 0) {
                     self.from[v as usize].fetch_min(outside << 32 | u64::from(u), Ordering::Relaxed);
                 }
@@ -223,12 +229,12 @@ impl<'a> Search<'a> {
         let known: Vec<u32> = self.missing.iter().copied().filter(|&v| from(v) != NOWHERE).collect();
         let locate = |&v: &u32| {
             let u = from(v) as u32 as usize;
-            walk(self.coarse, &self.points[u], &self.places[u], &self.points[v as usize])
+            walk(self.coarse, &self.walls, &self.points[u], &self.places[u], v, &self.points[v as usize])
         };
         let found: Vec<Place> = known.par_iter().with_min_len(GRAIN).map(locate).collect::<Result<_, _>>()?;
         for (&v, place) in known.iter().zip(found) {
             let u = self.from[v as usize].load(Ordering::Relaxed) as u32 as usize;
-            let lost = if place.beyond < INSIDE { self.status[u] & LOST } else { 0 };
+            let lost = if place.is_outside() { self.status[u] & LOST } else { 0 };
             self.places[v as usize] = place;
             self.status[v as usize] |= FOUND | lost;
         }
@@ -239,7 +245,7 @@ impl<'a> Search<'a> {
     /// Looks at the nodes outside again, from all their neighbours: a line may leave the coarse mesh and come in again,
     /// where cells were taken off its rim, and another one may end nearer.
     fn reconsider(&mut self) -> Result<(), Error> {
-        let is_outside = |v: u32| self.places[v as usize].beyond < INSIDE;
+        let is_outside = |v: u32| self.places[v as usize].is_outside();
         let meets = |cell: &[u32; 3]| cell.iter().any(|&v| is_outside(v));
         let near: Vec<&[u32; 3]> = self.cells.par_iter().with_min_len(4096).filter(|cell| meets(cell)).collect();
         let mut edges: Vec<[u32; 2]> = near
@@ -260,7 +266,8 @@ impl<'a> Search<'a> {
                 };
                 let (mut best, mut least) = (self.places[v as usize], away(&self.places[v as usize]));
                 for &[_, u] in star.iter() {
-                    let place = walk(self.coarse, &self.points[u as usize], &self.places[u as usize], x)?;
+                    let place =
+                        walk(self.coarse, &self.walls, &self.points[u as usize], &self.places[u as usize], v, x)?;
                     let distance = away(&place);
                     if distance < (1.0 - 1e-9) * least {
                         (best, least) = (place, distance);
@@ -285,7 +292,7 @@ impl<'a> Search<'a> {
     fn seed(&mut self) {
         let v = self.missing.remove(0) as usize;
         self.places[v] = anywhere(self.coarse, &self.points[v]);
-        self.status[v] |= FOUND | if self.places[v].beyond < INSIDE { LOST } else { 0 };
+        self.status[v] |= FOUND | if self.places[v].is_outside() { LOST } else { 0 };
     }
 }
 

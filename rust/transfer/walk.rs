@@ -13,39 +13,10 @@
 //! ```
 
 use super::halfedges::{HalfEdges, next, prev};
+use super::place::{BEYOND_NODE, Place, beyond, inside, nearest_on};
+use super::walls::Walls;
 use crate::error::Error;
 use crate::point::{NONE, Point, distance_2, orient};
-
-/// Where a point lies in a mesh.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    /// The cell, or `NONE` where not yet known.
-    pub cell: u32,
-    /// Number of the cell's half-edge that the point lies beyond, outside of the mesh; `INSIDE`.
-    pub beyond: u32,
-    /// Barycentric weights in the cell of the point, or of the nearest point on the half-edge.
-    pub weights: [f64; 3],
-}
-
-/// Of a place that lies in the mesh.
-pub const INSIDE: u32 = 3;
-
-impl Place {
-    /// Not yet known.
-    pub const UNKNOWN: Place = Place { cell: NONE, beyond: INSIDE, weights: [0.0; 3] };
-
-    /// The half-edge that the place lies beyond.
-    pub fn edge(&self) -> Option<u32> {
-        (self.beyond < INSIDE).then_some(3 * self.cell + self.beyond)
-    }
-
-    /// The node where a half-edge starts.
-    pub fn at_start(h: u32) -> Place {
-        let mut weights = [0.0; 3];
-        weights[(h % 3) as usize] = 1.0;
-        Place { cell: h / 3, beyond: INSIDE, weights }
-    }
-}
 
 /// How a walk ends.
 enum End {
@@ -53,6 +24,8 @@ enum End {
     In(u32),
     /// At this half-edge of the boundary.
     At(u32),
+    /// Out of the mesh from the node of this half-edge, to a side that none of its boundary edges is on.
+    AtNode(u32),
 }
 
 /// What comes next.
@@ -64,275 +37,236 @@ enum Step {
     Done(End),
 }
 
-/// Where `v` lies, seen from its neighbour `u` at `place`.
-pub fn walk(mesh: &HalfEdges<'_>, u: &Point<2>, place: &Place, v: &Point<2>) -> Result<Place, Error> {
-    let mut origin = *u;
-    let mut step = start(mesh, &mut origin, place, v);
+/// Where a point `v` lies, seen from its neighbour `u` at `place`; `to` is the node of the finer mesh that `v` is, or
+/// `NONE`.
+pub fn walk(
+    mesh: &HalfEdges<'_>,
+    walls: &Walls<'_>,
+    u: &Point<2>,
+    place: &Place,
+    to: u32,
+    v: &Point<2>,
+) -> Result<Place, Error> {
+    let mut line = Line { mesh, walls, origin: *u, to, end: v };
+    let mut step = line.start(place);
     // every cell and every node at most once
     for _ in 0..4 * mesh.cells.len() + 16 {
         step = match step {
-            Step::Enter(h) => cross(mesh, &mut origin, h, v),
-            Step::Leave(h) => leave(mesh, &mut origin, h, v),
+            Step::Enter(h) => line.cross(h),
+            Step::Leave(h) => line.leave(h),
             Step::Done(End::In(h)) => return Ok(inside(mesh, h / 3, v)),
-            Step::Done(End::At(h)) => return Ok(outside(mesh, h, v)),
+            Step::Done(End::At(h)) => return Ok(outside(mesh, walls, h, v)),
+            Step::Done(End::AtNode(h)) => return Ok(Place { beyond: BEYOND_NODE, ..Place::at_start(h) }),
         };
     }
     Err(Error::Internal(format!("the walk to ({}, {}) does not end", v[0], v[1])))
 }
 
-fn start(mesh: &HalfEdges<'_>, origin: &mut Point<2>, place: &Place, v: &Point<2>) -> Step {
-    let first = 3 * place.cell;
-    if let Some(edge) = place.edge() {
-        if orient(mesh.point(edge), mesh.point(next(edge)), v) < 0.0 {
-            return Step::Done(End::At(edge));
-        }
-        *origin = *mesh.point(edge);
-        return turn(mesh, origin, edge, v, true);
-    }
-    let zeros = place.weights.iter().filter(|&&w| w == 0.0).count() as u32;
-    if zeros == 2 {
-        let k = (0..3).find(|&k| place.weights[k] != 0.0).unwrap_or(0) as u32;
-        *origin = *mesh.point(first + k);
-        return Step::Leave(first + k);
-    }
-    if zeros == 1 {
-        let zero = (0..3).find(|&k| place.weights[k] == 0.0).unwrap_or(0) as u32;
-        return start_on_edge(mesh, origin, next(first + zero), v);
-    }
-    let sides = [0, 1, 2].map(|k| orient(origin, v, mesh.point(first + k)));
-    for k in 0..3u32 {
-        let (a, b, c) = (sides[k as usize], sides[(k as usize + 1) % 3], sides[(k as usize + 2) % 3]);
-        if a < 0.0 && b > 0.0 {
-            return over(mesh, first + k, v);
-        }
-        if a < 0.0 && b == 0.0 && c > 0.0 {
-            return at_apex(mesh, origin, first + (k + 1) % 3, v);
-        }
-    }
-    // rounding has put the origin a little out of the cell that it was found in
-    *origin = *mesh.point(first);
-    Step::Leave(first)
+/// The rest of a line.
+struct Line<'a> {
+    mesh: &'a HalfEdges<'a>,
+    walls: &'a Walls<'a>,
+    origin: Point<2>,
+    to: u32,
+    end: &'a Point<2>,
 }
 
-/// The origin lies strictly between the ends of half-edge h.
-fn start_on_edge(mesh: &HalfEdges<'_>, origin: &mut Point<2>, h: u32, v: &Point<2>) -> Step {
-    let (a, b) = (mesh.point(h), mesh.point(next(h)));
-    let side = orient(a, b, v);
-    // the origin may be off the edge by a rounding: leave from an end wherever its line would not pass between them
-    let (left, right) = (orient(origin, v, a), orient(origin, v, b));
-    if side > 0.0 && left > 0.0 && right < 0.0 {
-        return Step::Enter(h);
-    }
-    if side < 0.0 {
-        match mesh.twin(h) {
-            NONE => return Step::Done(End::At(h)),
-            across if left < 0.0 && right > 0.0 => return Step::Enter(across),
-            _ => {}
+impl Line<'_> {
+    fn start(&mut self, place: &Place) -> Step {
+        let first = 3 * place.cell;
+        if let Some(edge) = place.edge() {
+            return self.come_back(edge);
         }
-    }
-    let along = (v[0] - a[0]) * (b[0] - a[0]) + (v[1] - a[1]) * (b[1] - a[1]);
-    let forward = along > (origin[0] - a[0]) * (b[0] - a[0]) + (origin[1] - a[1]) * (b[1] - a[1]);
-    let end = if forward { next(h) } else { h };
-    if side == 0.0 && along >= 0.0 && along <= distance_2(a, b) {
-        return Step::Done(End::In(h));
-    }
-    *origin = *mesh.point(end);
-    Step::Leave(end)
-}
-
-/// The line leaves the cell of `h` over `h`, or ends before.
-#[inline]
-fn over(mesh: &HalfEdges<'_>, h: u32, v: &Point<2>) -> Step {
-    if orient(mesh.point(h), mesh.point(next(h)), v) >= 0.0 {
-        return Step::Done(End::In(h));
-    }
-    match mesh.twin(h) {
-        NONE => Step::Done(End::At(h)),
-        across => Step::Enter(across),
-    }
-}
-
-/// The line meets the node of `h`, or ends before.
-fn at_apex(mesh: &HalfEdges<'_>, origin: &mut Point<2>, h: u32, v: &Point<2>) -> Step {
-    if orient(mesh.point(h), mesh.point(next(h)), v) >= 0.0 {
-        return Step::Done(End::In(h));
-    }
-    *origin = *mesh.point(h);
-    Step::Leave(h)
-}
-
-#[inline]
-fn cross(mesh: &HalfEdges<'_>, origin: &mut Point<2>, h: u32, v: &Point<2>) -> Step {
-    let apex = prev(h);
-    let side = orient(origin, v, mesh.point(apex));
-    if side > 0.0 {
-        over(mesh, next(h), v)
-    } else if side < 0.0 {
-        over(mesh, apex, v)
-    } else {
-        at_apex(mesh, origin, apex, v)
-    }
-}
-
-/// The line starts at the node of `h`: turns around it to the cell that the line runs into.
-fn leave(mesh: &HalfEdges<'_>, origin: &mut Point<2>, h: u32, v: &Point<2>) -> Step {
-    if *origin == *v {
-        return Step::Done(End::In(h));
-    }
-    let mut edge = h;
-    if orient(origin, mesh.point(next(edge)), v) >= 0.0 {
-        return turn(mesh, origin, edge, v, false);
-    }
-    loop {
-        let across = mesh.twin(edge);
-        if across == NONE {
-            return look_around(mesh, origin, h, v);
+        if place.beyond == BEYOND_NODE {
+            let k = (0..3).find(|&k| place.weights[k] == 1.0).unwrap_or(0) as u32;
+            return Step::Done(End::AtNode(first + k));
         }
-        edge = next(across);
-        if edge == h {
-            return look_around(mesh, origin, h, v);
+        let zeros = place.weights.iter().filter(|&&w| w == 0.0).count() as u32;
+        if zeros == 2 {
+            let k = (0..3).find(|&k| place.weights[k] != 0.0).unwrap_or(0) as u32;
+            self.origin = *self.mesh.point(first + k);
+            return Step::Leave(first + k);
         }
-        if orient(origin, mesh.point(next(edge)), v) >= 0.0 {
-            return into(mesh, origin, edge, v);
+        if zeros == 1 {
+            let zero = (0..3).find(|&k| place.weights[k] == 0.0).unwrap_or(0) as u32;
+            return self.start_on_edge(next(first + zero));
+        }
+        let sides = [0, 1, 2].map(|k| orient(&self.origin, self.end, self.mesh.point(first + k)));
+        for k in 0..3u32 {
+            let (a, b, c) = (sides[k as usize], sides[(k as usize + 1) % 3], sides[(k as usize + 2) % 3]);
+            if a < 0.0 && b > 0.0 {
+                return self.over(first + k);
+            }
+            if a < 0.0 && b == 0.0 && c > 0.0 {
+                return self.at_apex(first + (k + 1) % 3);
+            }
+        }
+        // rounding has put the origin a little out of the cell that it was found in
+        self.origin = *self.mesh.point(first);
+        Step::Leave(first)
+    }
+
+    /// The line starts outside, beyond the half-edge `h`: it comes in over it or stays out.
+    fn come_back(&mut self, h: u32) -> Step {
+        let (a, b) = (self.mesh.point(h), self.mesh.point(next(h)));
+        let (left, right) = (orient(&self.origin, self.end, a), orient(&self.origin, self.end, b));
+        if orient(a, b, self.end) < 0.0 || orient(a, b, &self.origin) >= 0.0 || left < 0.0 || right > 0.0 {
+            return Step::Done(End::At(h));
+        }
+        let end = match (left == 0.0, right == 0.0) {
+            (false, false) => return Step::Enter(h),
+            (true, _) => h,
+            (false, true) => next(h),
+        };
+        self.origin = *self.mesh.point(end);
+        Step::Leave(end)
+    }
+
+    /// The origin lies strictly between the ends of half-edge h.
+    fn start_on_edge(&mut self, h: u32) -> Step {
+        let (a, b) = (self.mesh.point(h), self.mesh.point(next(h)));
+        let side = orient(a, b, self.end);
+        // the origin may be off the edge by a rounding: leave from an end wherever its line would not pass between them
+        let (left, right) = (orient(&self.origin, self.end, a), orient(&self.origin, self.end, b));
+        if side > 0.0 && left > 0.0 && right < 0.0 {
+            return Step::Enter(h);
+        }
+        if side < 0.0 {
+            match self.mesh.twin(h) {
+                NONE => return Step::Done(End::At(h)),
+                across if left < 0.0 && right > 0.0 => return Step::Enter(across),
+                _ => {}
+            }
+        }
+        let along = (self.end[0] - a[0]) * (b[0] - a[0]) + (self.end[1] - a[1]) * (b[1] - a[1]);
+        let forward = along > (self.origin[0] - a[0]) * (b[0] - a[0]) + (self.origin[1] - a[1]) * (b[1] - a[1]);
+        let end = if forward { next(h) } else { h };
+        if side == 0.0 && along >= 0.0 && along <= distance_2(a, b) {
+            return Step::Done(End::In(h));
+        }
+        self.origin = *self.mesh.point(end);
+        Step::Leave(end)
+    }
+
+    /// The line leaves the cell of `h` over `h`, or ends before.
+    #[inline]
+    fn over(&self, h: u32) -> Step {
+        if orient(self.mesh.point(h), self.mesh.point(next(h)), self.end) >= 0.0 {
+            return Step::Done(End::In(h));
+        }
+        match self.mesh.twin(h) {
+            NONE => Step::Done(End::At(h)),
+            across => Step::Enter(across),
         }
     }
-}
 
-/// Turns counter-clockwise from a half-edge that `v` is left of (or on); stops at the boundary if told so.
-fn turn(mesh: &HalfEdges<'_>, origin: &mut Point<2>, h: u32, v: &Point<2>, one_side: bool) -> Step {
-    let mut edge = h;
-    let mut left = true;
-    loop {
-        let side = orient(origin, mesh.point(prev(edge)), v);
-        if left && side <= 0.0 {
-            return into(mesh, origin, edge, v);
+    /// The line meets the node of `h`, or ends before.
+    fn at_apex(&mut self, h: u32) -> Step {
+        if orient(self.mesh.point(h), self.mesh.point(next(h)), self.end) >= 0.0 {
+            return Step::Done(End::In(h));
         }
-        left = side >= 0.0;
-        let across = mesh.twin(prev(edge));
-        if across == NONE && one_side {
-            return Step::Done(End::At(prev(edge)));
-        }
-        if across == NONE || across == h {
-            return look_around(mesh, origin, h, v);
-        }
-        edge = across;
+        self.origin = *self.mesh.point(h);
+        Step::Leave(h)
     }
-}
 
-/// The line starts at the node of `h` and runs into its cell.
-fn into(mesh: &HalfEdges<'_>, origin: &mut Point<2>, h: u32, v: &Point<2>) -> Step {
-    let far = next(h);
-    if orient(mesh.point(far), mesh.point(prev(h)), v) >= 0.0 {
-        return Step::Done(End::In(h));
-    }
-    for end in [far, prev(h)] {
-        if orient(origin, mesh.point(end), v) == 0.0 {
-            *origin = *mesh.point(end);
-            return Step::Leave(end);
+    #[inline]
+    fn cross(&mut self, h: u32) -> Step {
+        let apex = prev(h);
+        let side = orient(&self.origin, self.end, self.mesh.point(apex));
+        if side > 0.0 {
+            self.over(next(h))
+        } else if side < 0.0 {
+            self.over(apex)
+        } else {
+            self.at_apex(apex)
         }
     }
-    match mesh.twin(far) {
-        NONE => Step::Done(End::At(far)),
-        across => Step::Enter(across),
+
+    /// The line starts at the node of `h`: turns around it to the cell that the line runs into.
+    fn leave(&mut self, h: u32) -> Step {
+        if self.origin == *self.end {
+            return Step::Done(End::In(h));
+        }
+        let mut edge = h;
+        if orient(&self.origin, self.mesh.point(next(edge)), self.end) >= 0.0 {
+            return self.turn(edge);
+        }
+        loop {
+            let across = self.mesh.twin(edge);
+            if across == NONE {
+                return self.look_around(h);
+            }
+            edge = next(across);
+            if edge == h {
+                return self.look_around(h);
+            }
+            if orient(&self.origin, self.mesh.point(next(edge)), self.end) >= 0.0 {
+                return self.into(edge);
+            }
+        }
     }
-}
 
-/// Looks at all cells of a node, also where several fans meet; where none is right, at the nearest boundary edge.
-fn look_around(mesh: &HalfEdges<'_>, origin: &mut Point<2>, h: u32, v: &Point<2>) -> Step {
-    let node = mesh.node(h);
-    let right = mesh.leaving(node).iter().find(|&&[_, edge]| {
-        orient(origin, mesh.point(next(edge)), v) >= 0.0 && orient(origin, mesh.point(prev(edge)), v) <= 0.0
-    });
-    if let Some(&[_, edge]) = right {
-        return into(mesh, origin, edge, v);
+    /// Turns counter-clockwise from a half-edge that the line's end is left of (or on).
+    fn turn(&mut self, h: u32) -> Step {
+        let mut edge = h;
+        let mut left = true;
+        loop {
+            let side = orient(&self.origin, self.mesh.point(prev(edge)), self.end);
+            if left && side <= 0.0 {
+                return self.into(edge);
+            }
+            left = side >= 0.0;
+            let across = self.mesh.twin(prev(edge));
+            if across == NONE || across == h {
+                return self.look_around(h);
+            }
+            edge = across;
+        }
     }
-    let ends = mesh.leaving(node).iter().flat_map(|&[_, edge]| [edge, prev(edge)]);
-    let nearest = ends
-        .filter(|&edge| mesh.twin(edge) == NONE)
-        .map(|edge| (nearest_on(mesh, edge, v).1, edge))
-        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    Step::Done(nearest.map_or(End::In(h), |(_, edge)| End::At(edge)))
-}
 
-/// How far rounding of its coordinates may have put a point off a line.
-fn roundings(v: &Point<2>) -> f64 {
-    4.0 * f64::EPSILON * v[0].abs().max(v[1].abs())
-}
-
-/// Twice the areas opposite to the nodes of a cell, and whether the point is up to rounding on the edge there.
-fn areas(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> ([f64; 3], [bool; 3]) {
-    let corners = mesh.cells[cell as usize].map(|i| &mesh.points[i as usize]);
-    let off = roundings(v);
-    let mut area = [0.0; 3];
-    let mut on = [false; 3];
-    for k in 0..3 {
-        let (a, b) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
-        area[k] = orient(a, b, v);
-        on[k] = area[k] <= 0.0 || area[k] * area[k] <= off * off * distance_2(a, b);
+    /// The line starts at the node of `h` and runs into its cell.
+    fn into(&mut self, h: u32) -> Step {
+        let far = next(h);
+        if orient(self.mesh.point(far), self.mesh.point(prev(h)), self.end) >= 0.0 {
+            return Step::Done(End::In(h));
+        }
+        for end in [far, prev(h)] {
+            if orient(&self.origin, self.mesh.point(end), self.end) == 0.0 {
+                self.origin = *self.mesh.point(end);
+                return Step::Leave(end);
+            }
+        }
+        match self.mesh.twin(far) {
+            NONE => Step::Done(End::At(far)),
+            across => Step::Enter(across),
+        }
     }
-    (area, on)
-}
 
-/// The place of a point of the closed cell.
-fn inside(mesh: &HalfEdges<'_>, cell: u32, v: &Point<2>) -> Place {
-    let (area, on) = areas(mesh, cell, v);
-    let first = 3 * cell;
-    let weights = match on {
-        [false, false, false] => normalised(area),
-        [true, false, false] => along(mesh, first + 1, v),
-        [false, true, false] => along(mesh, first + 2, v),
-        [false, false, true] => along(mesh, first, v),
-        _ => on_several(mesh, first, on, v),
-    };
-    Place { cell, beyond: INSIDE, weights }
-}
-
-/// Weights of a point up to rounding on the lines of two or three edges: at a corner, or in a needle far from any.
-fn on_several(mesh: &HalfEdges<'_>, first: u32, on: [bool; 3], v: &Point<2>) -> [f64; 3] {
-    let off = roundings(v);
-    let corner = (0..3).find(|&k| distance_2(mesh.point(first + k), v) <= off * off);
-    if let Some(k) = corner {
-        return [0, 1, 2].map(|other| f64::from(other == k));
+    /// Looks at all cells of a node, also where several fans meet; where none is right, at the nearest boundary edge on the
+    /// line's side.
+    fn look_around(&mut self, h: u32) -> Step {
+        let node = self.mesh.node(h);
+        let right = self.mesh.leaving(node).iter().find(|&&[_, edge]| {
+            orient(&self.origin, self.mesh.point(next(edge)), self.end) >= 0.0
+                && orient(&self.origin, self.mesh.point(prev(edge)), self.end) <= 0.0
+        });
+        if let Some(&[_, edge]) = right {
+            return self.into(edge);
+        }
+        let ends = self.mesh.leaving(node).iter().flat_map(|&[_, edge]| [edge, prev(edge)]);
+        let nearest = ends
+            .filter(|&edge| self.mesh.twin(edge) == NONE)
+            .filter(|&edge| !self.walls.part(self.mesh, node, self.to, self.end, edge))
+            .map(|edge| (nearest_on(self.mesh, edge, self.end).1, edge))
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        Step::Done(nearest.map_or(End::AtNode(h), |(_, edge)| End::At(edge)))
     }
-    // opposite to node k is the half-edge of the next one
-    let edges = (0..3).filter(|&k| on[k as usize]).map(|k| next(first + k));
-    let nearest = edges.map(|h| (nearest_on(mesh, h, v).1, h)).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    along(mesh, nearest.map_or(first, |(_, h)| h), v)
-}
-
-/// Weights that sum to 1 exactly.
-fn normalised(area: [f64; 3]) -> [f64; 3] {
-    let sum = area[0] + area[1] + area[2];
-    if sum <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let mut weights = area.map(|a| a / sum);
-    let most = (0..3).fold(0, |most, k| if weights[k] > weights[most] { k } else { most });
-    weights[most] = 1.0 - (weights[(most + 1) % 3] + weights[(most + 2) % 3]);
-    weights
-}
-
-/// Weights of the nearest point on a half-edge.
-fn along(mesh: &HalfEdges<'_>, h: u32, v: &Point<2>) -> [f64; 3] {
-    let t = nearest_on(mesh, h, v).0;
-    let mut weights = [0.0; 3];
-    // 1 - (1 - t) is exact where t itself may not be
-    weights[(h % 3) as usize] = 1.0 - t;
-    weights[(next(h) % 3) as usize] = 1.0 - (1.0 - t);
-    weights
-}
-
-/// Share of the way along a half-edge to its point nearest to `v`, and the squared distance.
-fn nearest_on(mesh: &HalfEdges<'_>, h: u32, v: &Point<2>) -> (f64, f64) {
-    let (a, b) = (mesh.point(h), mesh.point(next(h)));
-    let d = [b[0] - a[0], b[1] - a[1]];
-    let t = (((v[0] - a[0]) * d[0] + (v[1] - a[1]) * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
-    (t, distance_2(&[a[0] + t * d[0], a[1] + t * d[1]], v))
 }
 
 /// The nearest point on the wall that a walk stopped at: slides over boundary edges both ways, as long as a nearer
-/// point may come and the wall has not turned back (never around the tip of a slit or the end of a thin wall).
-fn outside(mesh: &HalfEdges<'_>, h: u32, v: &Point<2>) -> Place {
+/// point may come, the wall has not turned back, and the finer mesh goes on around the node between (never around the
+/// tip of a slit or the end of a thin wall).
+fn outside(mesh: &HalfEdges<'_>, walls: &Walls<'_>, h: u32, v: &Point<2>) -> Place {
     let way = |edge: u32| {
         let (a, b) = (mesh.point(edge), mesh.point(next(edge)));
         [b[0] - a[0], b[1] - a[1]]
@@ -347,6 +281,9 @@ fn outside(mesh: &HalfEdges<'_>, h: u32, v: &Point<2>) -> Place {
         for _ in 0..MOST_SLIDES {
             // a wall that has gone twice the distance further is not likely to come back
             if passed > 3.0 * best.0.sqrt() {
+                break;
+            }
+            if walls.ends_at(mesh.node(if forward { next(edge) } else { edge })) {
                 break;
             }
             edge = if forward { mesh.next_on_boundary(edge) } else { mesh.prev_on_boundary(edge) };
@@ -366,24 +303,3 @@ fn outside(mesh: &HalfEdges<'_>, h: u32, v: &Point<2>) -> Place {
 
 /// Boundary edges that a point slides over at most.
 const MOST_SLIDES: usize = 256;
-
-/// The nearest point on a half-edge of the boundary.
-fn beyond(mesh: &HalfEdges<'_>, h: u32, v: &Point<2>) -> Place {
-    let off = roundings(v);
-    let beyond = if nearest_on(mesh, h, v).1 <= off * off { INSIDE } else { h % 3 };
-    Place { cell: h / 3, beyond, weights: along(mesh, h, v) }
-}
-
-/// The place of a point from which nothing near is known: the first cell that holds it, or the nearest boundary edge.
-/// Runtime: O(m).
-pub fn anywhere(mesh: &HalfEdges<'_>, v: &Point<2>) -> Place {
-    let holds = |&cell: &u32| {
-        let corners = mesh.cells[cell as usize].map(|i| &mesh.points[i as usize]);
-        (0..3).all(|k| orient(corners[k], corners[(k + 1) % 3], v) >= 0.0)
-    };
-    if let Some(cell) = (0..mesh.cells.len() as u32).find(holds) {
-        return inside(mesh, cell, v);
-    }
-    let nearest = mesh.boundary().map(|h| (nearest_on(mesh, h, v).1, h)).min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.map_or(Place::UNKNOWN, |(_, h)| beyond(mesh, h, v))
-}

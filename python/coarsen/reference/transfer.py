@@ -17,9 +17,9 @@ from .point import Floats, Ints, Point, orient
 
 Rows = tuple[Any, Any, Any]
 Place = tuple[int, int, tuple[float, ...]]
-"""Cell, the number of its edge that the point lies beyond (3: none), weights of the cell's corners."""
+"""Cell, the number of its edge that the point lies beyond (3: none, 4: a node), weights of its corners."""
 
-INSIDE = 3
+INSIDE, BEYOND_NODE = 3, 4
 
 
 class _Coarse:
@@ -34,6 +34,31 @@ class _Coarse:
             for k in range(3):
                 self.cell_of[cell[k], cell[(k + 1) % 3]] = (c, k)
                 self.around.setdefault(cell[k], []).append(c)
+
+        self.walls: dict[int, list[tuple[int, Point, bool]]] = {}
+
+    def between(self, points: Floats, cells: Ints, injection: Ints) -> None:
+        """Note where a finer mesh ends at the nodes it shares: neighbour, its point, whether the edge comes in."""
+        edges = {(a, b) for cell in cells.tolist() for a, b in zip(cell, cell[1:] + cell[:1], strict=True)}
+        place = {v: c for c, v in enumerate(injection.tolist()) if v >= 0}
+        for a, b in sorted(edges):
+            if (b, a) not in edges:
+                for v, other, comes_in in ((a, b, False), (b, a, True)):
+                    if v in place:
+                        x, y = points[other].tolist()
+                        self.walls.setdefault(place[v], []).append((other, (x, y), comes_in))
+
+    def part(self, node: int, to: int, v: Point, edge: tuple[int, int]) -> bool:
+        """Whether the finer mesh ends on the way from the direction of its node to that of a boundary edge."""
+        o, ends = self.points[node], [self.cells[edge[0]][(edge[1] + j) % 3] for j in range(2)]
+        goes_out = ends[0] == node
+        q = self.points[ends[1] if goes_out else ends[0]]
+        return any(
+            comes_in == goes_out
+            and not (other != to and _turn(o, v, p) == 0)
+            and _comes_before(o, v, p, q, leftwards=goes_out)
+            for other, p, comes_in in self.walls.get(node, [])
+        )
 
     def ends(self, c: int, k: int) -> tuple[Point, Point]:
         return self.points[self.cells[c][k]], self.points[self.cells[c][(k + 1) % 3]]
@@ -59,6 +84,21 @@ class _Coarse:
         while (other := self.across(c, k)) is not None:
             c, k = other[0], (other[1] + step) % 3
         return c, k
+
+
+def _turn(o: Point, v: Point, p: Point) -> int:
+    """Quarter of the turn from v to p about o: 0 and 2 are on the line, 1 is left of it and 3 right."""
+    side = orient(o, v, p)
+    if side != 0:
+        return 1 if side > 0 else 3
+    return 0 if (v[0] - o[0]) * (p[0] - o[0]) + (v[1] - o[1]) * (p[1] - o[1]) > 0 else 2
+
+
+def _comes_before(o: Point, v: Point, p: Point, q: Point, *, leftwards: bool) -> bool:
+    """Whether p comes before q in a turn about o from v on."""
+    one, two = (_turn(o, v, x) if leftwards else (4 - _turn(o, v, x)) % 4 for x in (p, q))
+    between = orient(o, p, q)
+    return one < two or (one == two and one % 2 == 1 and (between > 0 if leftwards else between < 0))
 
 
 def _holds(mesh: _Coarse, c: int, x: Point) -> bool:
@@ -107,7 +147,7 @@ def _inside(mesh: _Coarse, c: int, x: Point) -> Place:
 
 
 def _outside(mesh: _Coarse, c: int, k: int, x: Point) -> Place:
-    """Slide along the wall from a boundary edge to the nearest point, never around an end of the wall."""
+    """Slide along the wall from a boundary edge to the nearest point, never around an end of the wall or a gap."""
 
     def way(edge: tuple[int, int]) -> Floats:
         a, b = mesh.ends(*edge)
@@ -118,6 +158,8 @@ def _outside(mesh: _Coarse, c: int, k: int, x: Point) -> Place:
     for forward in (True, False):
         edge, passed = (c, k), float(np.hypot(*first)) * (1 - t if forward else t)
         while passed <= 3 * best:
+            if mesh.cells[edge[0]][(edge[1] + forward) % 3] in mesh.walls:
+                break
             edge = mesh.on_boundary(*edge, forward=forward)
             if edge == (c, k) or way(edge) @ first <= 0:
                 break
@@ -142,18 +184,34 @@ def _touches(u: Point, v: Point, a: Point, b: Point) -> bool:
     return True
 
 
-def _walk(mesh: _Coarse, u: Point, place: Place, v: Point) -> Place:
-    """Locate v from its neighbour u."""
+def _is_on(u: Point, v: Point, p: Point) -> bool:
+    return orient(u, v, p) == 0 and all(min(u[d], v[d]) <= p[d] <= max(u[d], v[d]) for d in range(2))
+
+
+def _is_parted(mesh: _Coarse, u: Point, to: int, v: Point, edge: tuple[int, int]) -> bool:
+    """Whether the line from u to v meets the edge in one of its nodes, and the finer mesh ends between the two."""
+    nodes = [mesh.cells[edge[0]][(edge[1] + j) % 3] for j in range(2)]
+    return any(_is_on(u, v, mesh.points[node]) and mesh.part(node, to, v, edge) for node in nodes)
+
+
+def _walk(mesh: _Coarse, u: Point, place: Place, to: int, v: Point) -> Place:
+    """Locate v, which is node `to` of the finer mesh (or -1), from its neighbour u."""
     c, beyond, weights = place
+    if beyond == BEYOND_NODE:
+        return place
+    start, node = [c], -1
     if beyond < INSIDE:
-        if orient(*mesh.ends(c, beyond), v) < 0:
+        a, b = mesh.ends(c, beyond)
+        left, right = orient(u, v, a), orient(u, v, b)
+        if orient(a, b, v) < 0 or orient(a, b, u) >= 0 or left < 0 or right > 0:
             return _outside(mesh, c, beyond, v)
-        (ax, ay), (bx, by) = mesh.ends(c, beyond)
-        w = weights[beyond]
-        u = (w * ax + (1 - w) * bx, w * ay + (1 - w) * by)
-    start = [c]
-    if max(weights) == 1.0:
-        start = mesh.around[mesh.cells[c][weights.index(1.0)]]
+        if left == 0 or right == 0:
+            node = mesh.cells[c][beyond if left == 0 else (beyond + 1) % 3]
+            u = mesh.points[node]
+    elif max(weights) == 1.0:
+        node = mesh.cells[c][weights.index(1.0)]
+    if node >= 0:
+        start = mesh.around[node]
     seen, queue, hit = set(start), list(start), []
     while queue:
         cell = queue.pop(0)
@@ -168,6 +226,14 @@ def _walk(mesh: _Coarse, u: Point, place: Place, v: Point) -> Place:
             elif other[0] not in seen and _touches(u, v, a, b):
                 seen.add(other[0])
                 queue.append(other[0])
+    away = [edge for edge in hit if not _is_parted(mesh, u, to, v, edge)]
+    if hit and not away:
+        first = min(hit)
+        end = next(i for i in range(2) if _is_on(u, v, mesh.ends(*first)[i]))
+        node = mesh.cells[first[0]][(first[1] + end) % 3]
+        cell = mesh.around[node][0]
+        return cell, BEYOND_NODE, tuple(float(i == node) for i in mesh.cells[cell])
+    hit = away
     if not hit:
         # a little off by rounding: all boundary edges of the cells that were looked at
         hit = [(cell, k) for cell in seen for k in range(3) if mesh.across(cell, k) is None]
@@ -204,6 +270,7 @@ def _located(points: Floats, cells: Ints, mesh: _Coarse, injection: Ints) -> tup
         near[a] |= {b, c}
         near[b] |= {c, a}
         near[c] |= {a, b}
+    mesh.between(points, cells, injection)
     boundary = {i for a, b in edges if (b, a) not in edges for i in (a, b)}
     place: dict[int, Place] = {}
     for c, v in enumerate(injection.tolist()):
@@ -226,27 +293,27 @@ def _located(points: Floats, cells: Ints, mesh: _Coarse, injection: Ints) -> tup
     while missing:
         found: dict[int, tuple[int, Place]] = {}
         for v in missing:
-            starts = [(place[u][1] < INSIDE, u) for u in near[v] if may_start(u, grade)]
+            starts = [(place[u][1] != INSIDE, u) for u in near[v] if may_start(u, grade)]
             if starts:
                 u = min(starts)[1]
-                found[v] = (u, _walk(mesh, x[u], place[u], x[v]))
+                found[v] = (u, _walk(mesh, x[u], place[u], v, x[v]))
         if not found and grade == 2:
             v = missing[0]
             found[v] = (v, _anywhere(mesh, x[v]))
-            lost |= {v} if found[v][1][1] < INSIDE else set()
+            lost |= {v} if found[v][1][1] != INSIDE else set()
         grade = 0 if found else grade + 1
         for v, (u, at) in found.items():
             place[v] = at
-            lost |= {v} if u in lost and at[1] < INSIDE else set()
+            lost |= {v} if u in lost and at[1] != INSIDE else set()
         missing = [v for v in missing if v not in place]
 
-    looked = {v: [u for u in sorted(near[v]) if may_start(u, 1)] for v in range(len(x)) if place[v][1] < INSIDE}
+    looked = {v: [u for u in sorted(near[v]) if may_start(u, 1)] for v in range(len(x)) if place[v][1] != INSIDE}
     for _ in range(8):
         better = {}
         for v, others in looked.items():
             best, least = place[v], _off(mesh, place[v], x[v])
             for u in others:
-                other = _walk(mesh, x[u], place[u], x[v])
+                other = _walk(mesh, x[u], place[u], v, x[v])
                 distance = _off(mesh, other, x[v])
                 if distance < (1 - 1e-9) * least:
                     best, least = other, distance
@@ -272,7 +339,7 @@ def prolongation(
         indices += [i for i, _ in row]
         values += [w for _, w in row]
         indptr.append(len(indices))
-        if beyond < INSIDE:
+        if beyond != INSIDE:
             outside.append(v)
             distances.append(_off(mesh, place, (points[v, 0], points[v, 1])))
     rows = (np.array(indptr, np.int32), np.array(indices, np.int32), np.array(values, float))
@@ -312,8 +379,8 @@ def overlap(
         tip = {
             i: max(places[i][2]) == 1.0 and mesh.is_tip(mesh.cells[places[i][0]][places[i][2].index(1.0)]) for i in cell
         }
-        start = min(cell, key=lambda i: (tip[i], places[i][1] < INSIDE, i))
-        home = _walk(mesh, (points[start, 0], points[start, 1]), places[start], (x, y))
+        start = min(cell, key=lambda i: (tip[i], places[i][1] != INSIDE, i))
+        home = _walk(mesh, (points[start, 0], points[start, 1]), places[start], -1, (x, y))
         queue = [home[0]] if home[1] == INSIDE else sorted({home[0], *(places[i][0] for i in cell)})
         first, seen, shared = set(queue), set(queue), {}
         (ux, uy), (vx, vy) = corners[1] - corners[0], corners[2] - corners[0]
