@@ -5,7 +5,9 @@ Where a level has dropped parts of the domain, piecewise-linear interpolation fr
 - at nodes well outside of it, deep in an inlet that was cut off, which would all take one value;
 - in its cells that the finer mesh does not cover: a spit or an island that was closed may part waters that are far from
   each other for the matrix;
-- at unknowns that an earlier stage has added for such nodes, and that are nodes of no mesh.
+- at unknowns that an earlier stage has added for such nodes, and that are nodes of no mesh;
+- at nodes whose weights, though linear, tie a coarse unknown that the matrix hardly holds (the far end of an inlet, the
+  tip of a needle) to what is held firmly. They are known by the energy that they cost.
 
 These are loose: they are interpolated by the entries of the matrix (``rust/transfer/loose.rs``), some of them becoming
 coarse unknowns themselves. The other nodes near by take values only from coarse nodes that they hang together with.
@@ -30,6 +32,12 @@ if TYPE_CHECKING:
     from coarsen.mesh import Mesh
     from coarsen.multilevel import Hierarchy
     from coarsen.transfer import Located
+
+COSTLY = 0.1
+"""A row that raises the energy of a column by more than this share is made anew. 0.05 would only add entries."""
+
+REMADE = 2
+"""Times that rows are made anew: where one was, others near by may be seen to cost too much."""
 
 
 def unserved(
@@ -153,10 +161,35 @@ def extended(
         before = np.diff(prolongation.indptr)
         prolongation = hanging_together(matrix, prolongation, own)
         loose |= np.diff(prolongation.indptr) < before
-    if not loose.any():
-        return prolongation, np.empty(0, np.int64)
-    rows, added = backend("rust").extended(matrix, prolongation, coarse, loose, component)
-    return wrapped(rows, prolongation.shape[1] + len(added)), added
+    made, added = prolongation, np.empty(0, np.int64)
+    for remade in range(REMADE + 1):
+        if loose.any():
+            rows, added = backend("rust").extended(matrix, prolongation, coarse, loose, component)
+            made = wrapped(rows, prolongation.shape[1] + len(added))
+        more_loose = costly(matrix, made, component) & ~coarse & ~loose if dropped and remade < REMADE else None
+        if more_loose is None or not more_loose.any():
+            break
+        loose |= more_loose
+    return made, added
+
+
+def costly(matrix: csr_matrix, prolongation: csr_matrix, component: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Say which unknowns make a column of the prolongation cost much energy.
+
+    Relaxing the one of them in the one column would lower its energy by more than `COSTLY` of it. Runtime: O(entries of
+    the product).
+    """
+    product = matrix @ prolongation
+    of_column = np.zeros(prolongation.shape[1], dtype=component.dtype)
+    of_column[prolongation.indices] = np.repeat(component, np.diff(prolongation.indptr))
+    row, column = np.repeat(np.arange(matrix.shape[0]), np.diff(product.indptr)), product.indices
+    energy = np.asarray(prolongation.multiply(product).sum(axis=0)).ravel()
+    # lowered by product² / diagonal
+    bound = COSTLY * energy[column] * matrix.diagonal()[row]
+    over = (bound > 0) & (product.data**2 > bound) & (component[row] == of_column[column])
+    out = np.zeros(matrix.shape[0], dtype=bool)
+    out[row[over]] = True
+    return out
 
 
 def hanging_together(matrix: csr_matrix, prolongation: csr_matrix, own: NDArray[np.int64]) -> csr_matrix:

@@ -21,7 +21,7 @@ const PASSES: usize = 4;
 const SWEEPS: usize = 4;
 
 /// Weights of less than this share of the greatest are left out: while the sweeps go on, and in the end.
-const LEAST: [f64; 2] = [0.01, 0.05];
+const LEAST: [f64; 2] = [0.01, 0.1];
 
 type Weights = Vec<(i32, f64)>;
 
