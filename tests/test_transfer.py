@@ -419,6 +419,26 @@ def test_fields_of_the_wrong_length_and_levels_that_are_not_there_are_refused():
             h.prolongation(i)
 
 
+@pytest.mark.parametrize("level", [1.5, "1", None])
+def test_a_level_that_is_no_whole_number_is_refused_by_name(level):
+    h = coarsen.hierarchy(coarsen.gallery.square(500))
+    field = np.zeros(h[0].mesh.n_points)
+    for name, call in {
+        "i": lambda: h.prolongation(level),
+        "to_level": lambda: h.interpolate(field, 0, level),
+        "from_level": lambda: transfer.cell_transfer(h, level, 0),
+    }.items():
+        with pytest.raises(TypeError, match=f"'{name}' is {level!r}, expected a whole number"):
+            call()
+
+
+def test_levels_of_cell_fields_count_from_the_coarsest_too():
+    h = coarsen.hierarchy(coarsen.gallery.square(500))
+    for start, end in ((0, -1), (-1, 0), (1, -1)):
+        counted = transfer.cell_transfer(h, start % len(h), end % len(h))
+        assert (transfer.cell_transfer(h, start, end) != counted).nnz == 0
+
+
 # --- what is held ----------------------------------------------------------------------------------------------------
 
 
@@ -448,6 +468,9 @@ def test_facet_tags_say_what_is_held():
         transfer.free_mask(mesh, dirichlet="left")
     with pytest.raises(ValueError, match="expected bool"):
         transfer.free_mask(mesh, free=[1, 0])
+    for tag in (7.5, [None]):
+        with pytest.raises(ValueError, match="'boundary' or facet tags"):
+            transfer.free_mask(mesh, dirichlet=tag)
     with pytest.raises(ValueError, match="given both"):
         transfer.free_mask(mesh, free=np.ones(mesh.n_points, bool), dirichlet=7)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import operator
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
@@ -63,9 +65,10 @@ def free_mask(mesh: Mesh, free: Any = None, dirichlet: Any = None) -> NDArray[np
 
 
 def _facet_tag(mesh: Mesh, tag: Any) -> int:
-    if not isinstance(tag, str):
-        return int(tag)
     names = mesh.facet_names or {}
+    if not isinstance(tag, str):
+        with contextlib.suppress(TypeError):
+            return operator.index(tag)
     for number, name in names.items():
         if name == tag:
             return number

@@ -8,7 +8,7 @@ import numpy as np
 
 from coarsen.backend import backend
 from coarsen.transfer.location import pair_of, shared_nodes
-from coarsen.transfer.rows import csr, sparse
+from coarsen.transfer.rows import check_level, csr, sparse
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,8 +29,15 @@ def cell_transfer(hierarchy: Hierarchy, from_level: int, to_level: int) -> csr_m
     Returns
     -------
     (m_to, m_from) csr_matrix
+
+    Raises
+    ------
+    ValueError
+        If there is no such level.
     """
     diags = sparse().diags
+    from_level = check_level(hierarchy, "from_level", from_level)
+    to_level = check_level(hierarchy, "to_level", to_level)
     fine, coarse = sorted((from_level, to_level))
     mesh, other = hierarchy[fine].mesh, hierarchy[coarse].mesh
     if mesh.dim == 1:

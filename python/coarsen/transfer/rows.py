@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import operator
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -35,13 +36,23 @@ def csr(rows: tuple[Any, Any, Any], columns: int) -> csr_matrix:
     return matrix
 
 
+def _whole(name: str, level: Any) -> int:
+    try:
+        return operator.index(level)
+    except TypeError:
+        raise TypeError(f"'{name}' is {level!r}, expected a whole number: a level") from None
+
+
 def check_coarser(hierarchy: Hierarchy, i: int) -> None:
     """Refuse a level that has no finer one.
 
     Raises
     ------
+    TypeError
+        If it is no whole number.
     ValueError
     """
+    _whole("i", i)
     if not 1 <= i < len(hierarchy):
         raise ValueError(f"'i' is {i}, expected a coarser level: 1 <= i <= {len(hierarchy) - 1}")
 
@@ -51,9 +62,12 @@ def check_level(hierarchy: Hierarchy, name: str, level: int) -> int:
 
     Raises
     ------
+    TypeError
+        If it is no whole number.
     ValueError
         If there is no such level.
     """
+    level = _whole(name, level)
     if not -len(hierarchy) <= level < len(hierarchy):
         raise ValueError(f"'{name}' is {level}, expected a level: 0 <= {name} <= {len(hierarchy) - 1}")
     return level % len(hierarchy)
