@@ -36,10 +36,10 @@ WEAK = 0.01
 SHRINK = 0.7
 """A level with more than this share of the unknowns of the one before is passed over."""
 
-DEEP = 0.25
+DEEP = 0.1
 """Nodes further than this many fine spacings outside of the coarse mesh are loose."""
 
-SLOW = 0.3
+SLOW = 0.25
 """Where relaxation between the coarse unknowns leaves more than this of an error of 1, a cycle needs more of it."""
 
 MOST_GAUGED = 256

@@ -96,19 +96,18 @@ fn breadth_first(a: RowsRef<'_>, start: u32) -> Vec<u32> {
 
 impl Single {
     fn new(rows: RowsRef<'_>, order: &Order, columns: &Order) -> Self {
-        let mut made = Self {
-            indptr: Vec::with_capacity(rows.len() + 1),
-            indices: Vec::with_capacity(rows.indices.len()),
-            values: Vec::with_capacity(rows.data.len()),
-        };
-        made.indptr.push(0);
-        for i in 0..rows.len() {
-            let (indices, values) = rows.row(order.old_of(i));
-            made.indices.extend(indices.iter().map(|&j| columns.new_of(j as usize) as u32));
-            made.values.extend(values.iter().map(|&value| value as f32));
-            made.indptr.push(made.indices.len() as u32);
-        }
-        made
+        let row = |i: usize| rows.row(order.old_of(i));
+        let all = || (0..rows.len()).into_par_iter().with_min_len(PART);
+        let mut indptr = Vec::with_capacity(rows.len() + 1);
+        indptr.push(0);
+        let mut end = 0;
+        indptr.extend((0..rows.len()).map(|i| {
+            end += row(i).0.len() as u32;
+            end
+        }));
+        let indices = all().flat_map_iter(|i| row(i).0.iter().map(|&j| columns.new_of(j as usize) as u32)).collect();
+        let values = all().flat_map_iter(|i| row(i).1.iter().map(|&value| value as f32)).collect();
+        Self { indptr, indices, values }
     }
 
     #[inline(always)]
@@ -163,7 +162,7 @@ impl Cycle {
     /// From all levels but the coarsest, finest first, and the coarsest operator.
     pub fn new(stages: &[Stage<'_>], coarsest: RowsRef<'_>) -> Result<Self, Error> {
         let mut levels: Vec<Level> = Vec::new();
-        let mut orders: Vec<Order> = stages.iter().map(|(a, ..)| Order::of(*a)).collect();
+        let mut orders: Vec<Order> = stages.par_iter().map(|(a, ..)| Order::of(*a)).collect();
         orders.push(Order::default());
         let mut orders = orders.into_iter().peekable();
         let mut size = stages.first().map_or(coarsest.len(), |stage| stage.0.len());
