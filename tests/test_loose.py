@@ -57,7 +57,7 @@ def of_one_kind(n):
 def test_every_loose_unknown_is_coarse_or_strongly_coupled_to_one_that_is():
     A = multigrid.laplacian(coarsen.gallery.square(400, seed=SEED))
     n = A.shape[0]
-    P, own = loose.extended(A, no_values(n, 0), NONE, np.ones(n, dtype=bool), of_one_kind(n), False)
+    P, own, _ = loose.extended(A, no_values(n, 0), NONE, np.ones(n, dtype=bool), of_one_kind(n), False)
     assert P.shape == (n, len(own))
     assert len(own) < n / 2
     is_own = np.isin(np.arange(n), own)
@@ -70,13 +70,13 @@ def test_every_loose_unknown_is_coarse_or_strongly_coupled_to_one_that_is():
 def test_constants_are_interpolated_exactly_unless_zeros_are_near():
     mesh = coarsen.gallery.square(400, seed=SEED)
     A = multigrid.laplacian(mesh)
-    P, _ = loose.extended(
+    P, *_ = loose.extended(
         A, no_values(A.shape[0], 0), NONE, np.ones(A.shape[0], dtype=bool), of_one_kind(A.shape[0]), False
     )
     np.testing.assert_allclose(P.sum(axis=1), 1.0, atol=1e-12)
     free = held(mesh, "whole")
     A = transfer.reduced(A, free, free)
-    P, _ = loose.extended(
+    P, *_ = loose.extended(
         A, no_values(A.shape[0], 0), NONE, np.ones(A.shape[0], dtype=bool), of_one_kind(A.shape[0]), False
     )
     sums = np.asarray(P.sum(axis=1)).ravel()
@@ -90,7 +90,7 @@ def test_interpolation_tends_to_the_solution_of_the_rows():
     n = 13
     given = csr_matrix((np.ones(5), (np.arange(0, n, 3), np.arange(5))), shape=(n, 5))
     loose_ones = np.arange(n) % 3 > 0
-    P, own = loose.extended(on_a_line(n), given, np.arange(0, n, 3), loose_ones, of_one_kind(n), False)
+    P, own, _ = loose.extended(on_a_line(n), given, np.arange(0, n, 3), loose_ones, of_one_kind(n), False)
     assert len(own) == 0
     np.testing.assert_allclose(P @ np.arange(0, n, 3), np.arange(n), atol=0.05)
 
@@ -100,7 +100,7 @@ def test_unknowns_of_two_kinds_are_not_interpolated_from_each_other():
     n = A.shape[0]
     two = csr_matrix(np.kron(A.toarray(), [[2.0, -0.5], [-0.5, 1.0]]))
     kind = np.tile([0, 1], n)
-    P, own = loose.extended(two, no_values(2 * n, 0), NONE, np.ones(2 * n, dtype=bool), kind, False)
+    P, own, _ = loose.extended(two, no_values(2 * n, 0), NONE, np.ones(2 * n, dtype=bool), kind, False)
     rows, columns = P.nonzero()
     assert (kind[rows] == kind[own][columns]).all()
 
@@ -176,7 +176,7 @@ def test_few_steps_solve_on_seas_with_natural_coasts(meshes, name):
     solver = multigrid.solver(multigrid.laplacian(mesh), coarsen.hierarchy(mesh, features="auto"), held(mesh, "one"))
     norms = []
     solver.solve(np.random.default_rng(SEED).normal(size=mesh.n_points - 1), residuals=norms)
-    assert len(norms) - 1 <= 11
+    assert len(norms) - 1 <= 9
 
 
 def test_rows_that_cost_much_energy_are_seen():
@@ -193,10 +193,11 @@ def test_rows_that_cost_much_energy_are_seen():
 def test_costly_rows_are_made_anew_where_features_are_dropped():
     A = csr_matrix([[1e-3, -1e-3, 0], [-1e-3, 1.001, -1], [0, -1, 1]])
     given, own = csr_matrix([[1, 0], [0.5, 0.5], [0, 1.0]]), np.array([0, 2])
-    P, added = loose.extended(A, given, own, np.zeros(3, dtype=bool), of_one_kind(3), True)
+    P, added, made = loose.extended(A, given, own, np.zeros(3, dtype=bool), of_one_kind(3), True)
     assert len(added) == 0
+    assert made.tolist() == [1]
     np.testing.assert_allclose(P.toarray()[1], [0, 1], atol=2e-3)
-    P, _ = loose.extended(A, given, own, np.zeros(3, dtype=bool), of_one_kind(3), False)
+    P, *_ = loose.extended(A, given, own, np.zeros(3, dtype=bool), of_one_kind(3), False)
     np.testing.assert_allclose(P.toarray(), given.toarray())
 
 

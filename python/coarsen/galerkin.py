@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 WEAK = 0.01
 """Galerkin's entries under this, relative to the roots of both diagonals, are weak. 0.02 would cost iterations."""
 
-SHRINK = 0.7
+SHRINK = 0.6
 """A level with more than this share of the unknowns of the one before is passed over."""
 
 DEEP = 0.1
@@ -61,7 +61,7 @@ class Stage:
     P, R : csr_matrix or None
         Prolongation from the next coarser stage and its transpose; None on the coarsest one.
     slow : (s,) int64 array or None
-        Unknowns that are too far from coarse ones for one sweep: they are worth a second one.
+        Unknowns that are too far from coarse ones for one sweep, and loose ones: they are worth a second one.
     gauge : (k,) float64 array or None
         On the finest stage, if its single held unknown only chooses the constant: the row sums of A.
     """
@@ -116,7 +116,7 @@ def stages(
         if operators is None:
             unknown = np.where(rows, np.cumsum(rows) - 1, -1)[::block_size]
             nodes = loose.unserved(hierarchy, (i, j), found, DEEP, matrix, unknown)
-            prolongation, more = loose.extended(
+            prolongation, more, by_matrix = loose.extended(
                 matrix,
                 prolongation,
                 own,
@@ -133,12 +133,13 @@ def stages(
             restriction = wrapped(restriction, matrix.shape[0])
             coarse = wrapped(coarse, prolongation.shape[1])
         else:
-            component = component_coarse
+            component, by_matrix = component_coarse, np.empty(0, np.int64)
             restriction = prolongation.T.tocsr()
             coarse = transfer.reduced(as_csr(operators(j, hierarchy[j].mesh)), columns, columns)
         coarse_ones = np.zeros(matrix.shape[0], dtype=bool)
         coarse_ones[own[own >= 0]] = True
-        made.append((i, matrix, prolongation, restriction, backend("rust").slow(matrix, coarse_ones, SLOW)))
+        slow = np.union1d(backend("rust").slow(matrix, coarse_ones, SLOW), by_matrix)
+        made.append((i, matrix, prolongation, restriction, slow))
         matrix, i = coarse, j
     made.append((i, matrix, None, None, None))
     gauge = None

@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 COSTLY = 0.1
 """A row that raises the energy of a column by more than this share is made anew. 0.05 would only add entries."""
 
-REMADE = 2
-"""Times that rows are made anew: where one was, others near by may be seen to cost too much."""
-
 
 def unserved(
     hierarchy: Hierarchy,
@@ -122,7 +119,7 @@ def extended(
     loose: NDArray[np.bool_],
     component: NDArray[np.int64],
     dropped: bool,
-) -> tuple[csr_matrix, NDArray[np.int64]]:
+) -> tuple[csr_matrix, NDArray[np.int64], NDArray[np.int64]]:
     """Return a prolongation that serves all unknowns.
 
     Parameters
@@ -144,10 +141,10 @@ def extended(
     (n, m + l) csr_matrix
     (l,) int64 array
         The loose unknowns that are additional coarse ones.
+    (s,) int64 array
+        All loose unknowns.
     """
     from scipy.sparse import csr_matrix, vstack
-
-    from coarsen.galerkin import wrapped
 
     more = matrix.shape[0] - len(loose)
     if more:
@@ -161,16 +158,29 @@ def extended(
         before = np.diff(prolongation.indptr)
         prolongation = hanging_together(matrix, prolongation, own)
         loose |= np.diff(prolongation.indptr) < before
-    made, added = prolongation, np.empty(0, np.int64)
-    for remade in range(REMADE + 1):
-        if loose.any():
-            rows, added = backend("rust").extended(matrix, prolongation, coarse, loose, component)
-            made = wrapped(rows, prolongation.shape[1] + len(added))
-        more_loose = costly(matrix, made, component) & ~coarse & ~loose if dropped and remade < REMADE else None
-        if more_loose is None or not more_loose.any():
-            break
-        loose |= more_loose
-    return made, added
+    made, added = _by_matrix(matrix, prolongation, coarse, loose, component)
+    if dropped:
+        more_loose = costly(matrix, made, component) & ~coarse & ~loose
+        if more_loose.any():
+            loose |= more_loose
+            made, added = _by_matrix(matrix, prolongation, coarse, loose, component)
+    return made, added, np.flatnonzero(loose)
+
+
+def _by_matrix(
+    matrix: csr_matrix,
+    prolongation: csr_matrix,
+    coarse: NDArray[np.bool_],
+    loose: NDArray[np.bool_],
+    component: NDArray[np.int64],
+) -> tuple[csr_matrix, NDArray[np.int64]]:
+    """Interpolate loose unknowns by the entries of the matrix; return those of them that become coarse ones, too."""
+    from coarsen.galerkin import wrapped
+
+    if not loose.any():
+        return prolongation, np.empty(0, np.int64)
+    rows, added = backend("rust").extended(matrix, prolongation, coarse, loose, component)
+    return wrapped(rows, prolongation.shape[1] + len(added)), added
 
 
 def costly(matrix: csr_matrix, prolongation: csr_matrix, component: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ const STRONG: f64 = 0.25;
 const PASSES: usize = 4;
 
 /// Gauss-Seidel sweeps, there and back in turn.
-const SWEEPS: usize = 4;
+const SWEEPS: usize = 8;
 
 /// Weights of less than this share of the greatest are left out: while the sweeps go on, and in the end.
 const LEAST: [f64; 2] = [0.01, 0.1];
