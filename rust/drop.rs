@@ -7,11 +7,12 @@
 //! vertex is put back: chords that would be no valid domain are given up instead. The cells of the constrained Delaunay
 //! triangulation of what is kept are inside where valid chords say so; elsewhere most of their sample points (centroid
 //! and three towards the corners) must lie in the input mesh. Then slivers are peeled off the rim, or a node of them is
-//! taken out.
+//! taken out; for the next round the triangulation is mended where that is less work than a new one (see `again`).
 //!
 //! Selection goes from coarse to fine, as in Figure 3. A node that ends in no cell is taken out, of this level and of all
 //! coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
 
+mod again;
 mod assemble;
 mod flip;
 mod levels;
@@ -196,13 +197,13 @@ impl<'a> Ground<'a> {
         for v in 0..self.domain.len() as u32 {
             choice.kept[v as usize] &= self.domain.copies(v).iter().any(|&node| is_allowed(node));
         }
-        let (mut most_change, mut sampled) = (None, Vec::new());
+        let (mut most_change, mut memory) = (None, trim::Memory::default());
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
         let mut most_area = PEEL * self.area;
         for round in 0..MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
             choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles, &choice.chords);
-            let Some(mut cells) = self.triangulate(choice, f, is_allowed, &mut sampled)? else { break };
+            let Some(mut cells) = self.triangulate(choice, f, is_allowed, &mut memory)? else { break };
             cells.peel(RIM_ANGLE_DEG, most_area);
             cells.unpinch(RIM_ANGLE_DEG, |site| self.runs(site));
             cells.drop_crumbs();

@@ -24,13 +24,19 @@ pub fn sort_sites(sites: &mut [u32], points: &mut [Point<2>], cells: &mut Cells)
 impl Trimmed {
     /// Puts the cells of a Delaunay triangulation in order.
     pub(super) fn sort_cells(&mut self) {
-        (0..self.label.len()).for_each(|t| self.turn_to_lowest(t));
-        let all = (0..self.label.len()).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
+        (0..self.cells.cells.len()).for_each(|t| self.turn_to_lowest(t));
+        let all = (0..self.cells.cells.len()).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
         self.settle(all, |trimmed, t, k| trimmed.cells.constraints[t][k] == NONE);
+        self.put_in_order();
+    }
+
+    /// Sorts the cells; those without corners are left out.
+    pub(super) fn put_in_order(&mut self) {
         let cells = &self.cells;
-        let mut order: Vec<([u32; 3], u32)> = cells.cells.iter().copied().zip(0..).collect();
+        let is_cell = |(cell, _): &([u32; 3], u32)| cell[0] != NONE;
+        let mut order: Vec<([u32; 3], u32)> = cells.cells.iter().copied().zip(0..).filter(is_cell).collect();
         order.sort_unstable();
-        let mut place = vec![0; order.len()];
+        let mut place = vec![0; cells.cells.len()];
         (0u32..).zip(&order).for_each(|(k, &(_, t))| place[t as usize] = k);
         let moved = |t: u32| if t == NONE { NONE } else { place[t as usize] };
         self.cells = Cells {

@@ -2,6 +2,7 @@
 
 use super::order::sort_sites;
 use super::{Ground, area, centroid, sides};
+use crate::domain::Chord;
 use crate::error::Error;
 use crate::level::{Choice, constraints_of, sites_of};
 use crate::point::{NONE, Point};
@@ -13,11 +14,35 @@ use std::collections::BinaryHeap;
 /// A part of fewer cells than this is dropped where there is a larger one.
 const CRUMB: usize = 4;
 
-/// What lies at cells by their sample points: corners as sites, ascending, and the tag. It is a matter of the cell alone, and
-/// from round to round of a level few cells change.
-pub type Sampled = Vec<([u32; 3], Option<i64>)>;
+/// What one round of a level leaves to the next: few cells change between them.
+#[derive(Default)]
+pub struct Memory {
+    /// What lies at cells by their sample points, a matter of the cell alone: corners as sites, ascending, and the tag.
+    sampled: Sampled,
+    /// The last triangulation, not labelled, and the chords it was made for.
+    last: Option<(Vec<Chord>, Trimmed)>,
+    /// Chords that were no edges of it.
+    failed: Vec<u32>,
+}
+
+impl Memory {
+    /// The triangulation of a choice made from the last, where that is possible.
+    fn again(&mut self, ground: &Ground<'_>, choice: &Choice) -> Option<Trimmed> {
+        let (chords, last) = self.last.take().filter(|_| self.failed.is_empty())?;
+        let facets = ground.domain.len() as u32;
+        let mut left: Vec<u32> = (0..facets).filter(|&v| choice.kept[v as usize]).collect();
+        left.extend(choice.interior.iter().map(|&node| facets + node));
+        left[..].sort_unstable();
+        let mut trimmed = last.again(&left, &chords, &choice.chords)?;
+        trimmed.is_slit = ground.slits(choice, &[]);
+        Some(trimmed)
+    }
+}
+
+type Sampled = Vec<([u32; 3], Option<i64>)>;
 
 /// All cells of a triangulation, and which of them belong to the level.
+#[derive(Clone)]
 pub struct Trimmed {
     /// Facet vertices (as they are) and interior nodes (offset by the number of facet vertices).
     pub sites: Vec<u32>,
@@ -38,34 +63,51 @@ pub struct Trimmed {
 }
 
 impl Ground<'_> {
-    /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all. `sampled` is what the
-    /// round before sampled, and will be what this one does.
+    /// Triangulates a choice and tells inside from outside. `None` where there is no cell at all.
     pub fn triangulate(
         &self,
         choice: &Choice,
         f: &[f64],
         is_allowed: impl Fn(u32) -> bool,
-        sampled: &mut Sampled,
+        memory: &mut Memory,
     ) -> Result<Option<Trimmed>, Error> {
-        let domain = self.domain;
-        let (mut sites, mut points) = sites_of(domain, self.input.points, choice);
-        let constraints = constraints_of(domain, choice, &sites, |chord| sides(domain, chord));
-        let (mut cells, failed) = hull(&points, &constraints)?;
-        sort_sites(&mut sites, &mut points, &mut cells);
-        let angle = cells
-            .cells
-            .par_iter()
-            .map(|cell| angles(&cell.map(|s| points[s as usize])).into_iter().fold(f64::INFINITY, f64::min))
-            .collect();
-        let mut is_slit: Vec<bool> = constraints.iter().map(|c| c.wall && c.left && c.right).collect();
-        failed.iter().for_each(|&c| is_slit[c as usize] = false);
-        let (label, part) = (vec![None; cells.cells.len()], vec![0; cells.cells.len()]);
-        let mut trimmed = Trimmed { label, part, parts_at: Vec::new(), sites, points, cells, is_slit, angle };
-        trimmed.sort_cells();
-        self.label(choice, f, &failed, &mut trimmed, sampled);
+        let mut trimmed = match memory.again(self, choice) {
+            Some(trimmed) => trimmed,
+            None => self.anew(choice, memory)?,
+        };
+        trimmed.label = vec![None; trimmed.cells.cells.len()];
+        trimmed.part = vec![0; trimmed.cells.cells.len()];
+        memory.last = Some((choice.chords.clone(), trimmed.clone()));
+        self.label(choice, f, &memory.failed, &mut trimmed, &mut memory.sampled);
         self.part(choice, &mut trimmed, is_allowed);
         let is_empty = trimmed.label.iter().all(|label| label.is_none());
         Ok((!is_empty).then_some(trimmed))
+    }
+
+    /// Triangulates a choice, without labels.
+    fn anew(&self, choice: &Choice, memory: &mut Memory) -> Result<Trimmed, Error> {
+        let (mut sites, mut points) = sites_of(self.domain, self.input.points, choice);
+        let constraints = constraints_of(self.domain, choice, &sites, |chord| sides(self.domain, chord));
+        let (mut cells, failed) = hull(&points, &constraints)?;
+        sort_sites(&mut sites, &mut points, &mut cells);
+        let least =
+            |cell: &[u32; 3]| angles(&cell.map(|s| points[s as usize])).into_iter().fold(f64::INFINITY, f64::min);
+        let angle = cells.cells.par_iter().map(least).collect();
+        let is_slit = self.slits(choice, &failed);
+        memory.failed = failed;
+        let (label, part, parts_at) = (Vec::new(), Vec::new(), Vec::new());
+        let mut trimmed = Trimmed { label, part, parts_at, sites, points, cells, is_slit, angle };
+        trimmed.sort_cells();
+        Ok(trimmed)
+    }
+
+    /// Whether cells on both sides of each chord end at it.
+    fn slits(&self, choice: &Choice, failed: &[u32]) -> Vec<bool> {
+        let is_wall = |chord: &Chord| !self.domain.chains[chord.chain as usize].edge(chord.from).interior;
+        let is_slit = |chord: &Chord| is_wall(chord) && sides(self.domain, chord) == [true, true];
+        let mut is_slit: Vec<bool> = choice.chords.iter().map(is_slit).collect();
+        failed.iter().for_each(|&c| is_slit[c as usize] = false);
+        is_slit
     }
 
     /// Labels cells: beside a valid chord as the chord says, from there over the cells without loose corners up to the

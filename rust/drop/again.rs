@@ -1,0 +1,163 @@
+//! The triangulation of a level once more, where few of its sites or chords went since.
+//!
+//! ```text
+//!       o-------o                 o-------o
+//!      / \     / \               / \       \
+//!     /   \   /   \             /   \       \
+//!    o-----  s  ---o     to    o     \       o
+//!     \   /   \   /             \     \     /
+//!      \ /     \ /               \     \   /
+//!       o-------o                 o-------o
+//! ```
+//!
+//! A constrained Delaunay triangulation stays one outside the star of a site that goes, and a chord that goes leaves an edge to
+//! be looked at. As ties are broken by the names of sites there is but one such triangulation, so that what is mended
+//! here is what would be made anew.
+
+use super::trim::{Trimmed, angles};
+use crate::domain::Chord;
+use crate::point::{NONE, Point, orient};
+use std::collections::{HashMap, HashSet};
+
+/// With a larger share of the sites gone all is triangulated anew.
+const MOST_GONE: f64 = 1.0 / 16.0;
+
+/// Stars with more cells are not filled.
+const MOST_CELLS: usize = 64;
+
+impl Trimmed {
+    /// What is left of a triangulation in order, made for `old` chords and not labelled, with the sites `left` (ascending)
+    /// for the chords `new`. `None` where that is better made anew.
+    pub(super) fn again(mut self, left: &[u32], old: &[Chord], new: &[Chord]) -> Option<Trimmed> {
+        let mut place = vec![NONE; self.sites.len()];
+        let mut count = 0;
+        for (s, site) in self.sites.iter().enumerate() {
+            if left.get(count as usize) == Some(site) {
+                place[s] = count;
+                count += 1;
+            }
+        }
+        let gone = self.sites.len() - left.len().min(self.sites.len());
+        if (count as usize) < left.len() || gone as f64 > MOST_GONE * self.sites.len() as f64 {
+            return None;
+        }
+        let name = |chord: &Chord| (chord.chain, chord.from, chord.to);
+        let mut number: HashMap<(u32, u32, u32), u32> = new.iter().map(name).zip(0..).collect();
+        let renamed: Vec<u32> = old.iter().map(|chord| number.remove(&name(chord)).unwrap_or(NONE)).collect();
+        let mut stack = Vec::new();
+        let mut cell_at = vec![NONE; self.sites.len()];
+        for t in 0..self.cells.cells.len() {
+            for k in 0..3 {
+                cell_at[self.cells.cells[t][k] as usize] = t as u32;
+                let code = &mut self.cells.constraints[t][k];
+                if *code != NONE {
+                    let chord = renamed[*code as usize / 2];
+                    *code = if chord == NONE { NONE } else { 2 * chord + *code % 2 };
+                    stack.extend((chord == NONE).then_some((t, k)));
+                }
+            }
+        }
+        for s in (0..place.len() as u32).filter(|&s| place[s as usize] == NONE) {
+            let made = self.fill(cell_at[s as usize] as usize, s)?;
+            for t in made {
+                self.cells.cells[t].iter().for_each(|&s| cell_at[s as usize] = t as u32);
+                stack.extend([(t, 0), (t, 1), (t, 2)]);
+            }
+        }
+        stack.retain(|&(t, _)| self.cells.cells[t][0] != NONE);
+        self.settle(stack, |trimmed, t, k| trimmed.cells.constraints[t][k] == NONE);
+        self.sites = left.to_vec();
+        self.points = self.points.iter().zip(&place).filter(|&(_, &s)| s != NONE).map(|(&point, _)| point).collect();
+        self.cells.cells.iter_mut().flatten().filter(|s| **s != NONE).for_each(|s| *s = place[*s as usize]);
+        self.put_in_order();
+        let added: Vec<(u32, [u32; 2])> = number.into_values().map(|c| (c, new[c as usize].vertices)).collect();
+        self.add(&added).then_some(self)
+    }
+
+    /// Takes a site out that is around a cell and no corner of the hull, and returns the cells that fill its star.
+    fn fill(&mut self, t: usize, s: u32) -> Option<Vec<usize>> {
+        let mut star: Vec<usize> = self.around(t, s).take(MOST_CELLS + 1).collect();
+        // (where an edge of the star starts, the cell beyond it, its constraint)
+        let mut rim: Vec<(u32, u32, u32)> = Vec::with_capacity(star.len());
+        for &t in &star {
+            let k = self.corner(t, s);
+            if self.cells.neighbours[t][k] == NONE || self.cells.constraints[t][k] != NONE {
+                return None;
+            }
+            let k = (k + 1) % 3;
+            rim.push((self.cells.cells[t][k], self.cells.neighbours[t][k], self.cells.constraints[t][k]));
+        }
+        if star.len() < 3 || star.len() > MOST_CELLS {
+            return None;
+        }
+        star.drain(rim.len() - 2..).for_each(|t| self.cells.cells[t] = [NONE; 3]);
+        for &t in &star {
+            let n = rim.len();
+            let ear = (0..n).find(|&i| self.is_ear(&rim, i))?;
+            let (before, after) = ((ear + n - 1) % n, (ear + 1) % n);
+            let [a, b, c] = [rim[before], rim[ear], rim[after]];
+            // three edges are left of the last cell
+            let last = if n == 3 { c } else { (c.0, NONE, NONE) };
+            self.cells.cells[t] = [a.0, b.0, c.0];
+            self.cells.neighbours[t] = [a.1, b.1, last.1];
+            self.cells.constraints[t] = [a.2, b.2, last.2];
+            for k in 0..3 {
+                self.meet(t, k);
+            }
+            self.turn_to_lowest(t);
+            let corners: [Point<2>; 3] = self.cells.cells[t].map(|s| self.points[s as usize]);
+            self.angle[t] = angles(&corners).into_iter().fold(f64::INFINITY, f64::min);
+            rim[before] = (a.0, t as u32, NONE);
+            rim.remove(ear);
+        }
+        Some(star)
+    }
+
+    /// Tells the cell beyond an edge of a cell that this one is there.
+    fn meet(&mut self, t: usize, k: usize) {
+        let (next, start, end) =
+            (self.cells.neighbours[t][k], self.cells.cells[t][k], self.cells.cells[t][(k + 1) % 3]);
+        if let Some(&corners) = self.cells.cells.get(next as usize) {
+            let back = (0..3).find(|&j| corners[j] == end && corners[(j + 1) % 3] == start);
+            back.into_iter().for_each(|j| self.cells.neighbours[next as usize][j] = t as u32);
+        }
+    }
+
+    /// Whether a corner of a polygon can be cut off.
+    fn is_ear(&self, rim: &[(u32, u32, u32)], i: usize) -> bool {
+        let n = rim.len();
+        let corners = [rim[(i + n - 1) % n].0, rim[i].0, rim[(i + 1) % n].0];
+        let [a, b, c] = corners.map(|s| &self.points[s as usize]);
+        let is_within = |p: &Point<2>| orient(a, b, p) >= 0.0 && orient(b, c, p) >= 0.0 && orient(c, a, p) >= 0.0;
+        let mut others = rim.iter().filter(|(s, ..)| !corners.contains(s));
+        orient(a, b, c) > 0.0 && !others.any(|(s, ..)| is_within(&self.points[*s as usize]))
+    }
+
+    /// Makes edges constraints, each by its number and its facet vertices; whether all of them are free edges.
+    fn add(&mut self, added: &[(u32, [u32; 2])]) -> bool {
+        let mut wanted: HashMap<[u32; 2], u32> = HashMap::new();
+        for &(c, vertices) in added {
+            let [Ok(a), Ok(b)] = vertices.map(|v| self.sites.binary_search(&v)) else { return false };
+            let (a, b) = (a as u32, b as u32);
+            if wanted.insert([a, b], 2 * c).is_some() || wanted.insert([b, a], 2 * c + 1).is_some() {
+                return false;
+            }
+        }
+        if wanted.is_empty() {
+            return true;
+        }
+        let mut found = HashSet::new();
+        for (cell, codes) in self.cells.cells.iter().zip(&mut self.cells.constraints) {
+            for k in 0..3 {
+                if let Some(&code) = wanted.get(&[cell[k], cell[(k + 1) % 3]]) {
+                    if codes[k] != NONE {
+                        return false;
+                    }
+                    codes[k] = code;
+                    found.insert(code / 2);
+                }
+            }
+        }
+        found.len() == added.len()
+    }
+}
