@@ -1,6 +1,6 @@
 //! Chords of a patch: split at a point, or two of them joined.
 
-use super::patch::{DEAD, MOST_STEPS, Patch, Rim};
+use super::patch::{DEAD, MOST_GONE, MOST_STEPS, Patch, Rim};
 use crate::point::{NONE, orient};
 
 /// Cells, and the edges around them.
@@ -180,7 +180,7 @@ impl Patch {
         let mut t = self.beside[first as usize];
         let start = self.cells[t as usize];
         let is_open = (0..3).any(|k| start.constraints[k] == first && start.neighbours[k] != NONE);
-        while star.len() < MOST_STEPS {
+        while star.len() < MOST_GONE {
             let cell = self.cells[t as usize];
             let k = (0..3).find(|&k| cell.corners[k] == v)?;
             let (rim, across) = ((k + 1) % 3, (k + 2) % 3);

@@ -10,6 +10,10 @@ use rayon::prelude::*;
 /// Steps of a walk after which a point counts as not found.
 pub(super) const MOST_STEPS: usize = 256;
 
+/// Cells that a change takes away on one side of a chord, at the most: filling a hole takes time cubic in them, and where
+/// needles gather around a node no single change helps.
+pub(super) const MOST_GONE: usize = 24;
+
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Cell {
     pub(super) corners: [u32; 3],
@@ -394,7 +398,8 @@ impl Patch {
         true
     }
 
-    /// Cells in whose circle a point lies, from one of them on, and the edges around them.
+    /// Cells in whose circle a point lies, from one of them on, and the edges around them; no edges where the cells are too
+    /// many.
     pub(super) fn cavity(&mut self, v: u32, first: u32) -> (Vec<u32>, Vec<Rim>) {
         self.marks += 1;
         self.mark[first as usize] = self.marks;
@@ -402,6 +407,9 @@ impl Patch {
         let mut rims: Vec<Rim> = Vec::with_capacity(12);
         let mut next = 0;
         while next < cavity.len() {
+            if cavity.len() > MOST_GONE {
+                return (cavity, Vec::new());
+            }
             let cell = self.cells[cavity[next] as usize];
             next += 1;
             for k in 0..3 {
@@ -478,7 +486,7 @@ impl Patch {
             });
             // counter-clockwise: across the edge that ends at v
             let across = (k + 2) % 3;
-            if cell.constraints[across] != NONE || cell.neighbours[across] == NONE || star.len() > MOST_STEPS {
+            if cell.constraints[across] != NONE || cell.neighbours[across] == NONE || star.len() > MOST_GONE {
                 return false;
             }
             t = cell.neighbours[across];

@@ -16,6 +16,8 @@ from .triangulation import Edge
 
 MOST_STEPS = 256
 """Steps of a walk after which a point counts as not found."""
+MOST_GONE = 24
+"""Cells that a change takes away on one side of a chord, at the most: filling a hole takes time cubic in them."""
 
 Cell = tuple[int, int, int]
 Fits = Callable[[int], bool]
@@ -203,10 +205,15 @@ class Patch:
         return None
 
     def _cavity(self, p: int, first: Cell) -> tuple[list[Cell], list[Edge]]:
-        """Return the cells in whose circle a point lies, from one of them on, and the edges around them."""
+        """Return the cells in whose circle a point lies, from one of them on, and the edges around them.
+
+        There are no edges where the cells are too many.
+        """
         cavity = [self.canonical(*first)]
         waiting, rim = deque([first]), []
         while waiting:
+            if len(cavity) > MOST_GONE:
+                return cavity, []
             u, v, w = waiting.popleft()
             for a, b in ((u, v), (v, w), (w, u)):
                 if self.is_closed(a, b):
@@ -245,11 +252,11 @@ class Patch:
             if (p, v) in self.chord_at or (p, v) not in self.apex:
                 return False
             loop.append(v)
+            if len(loop) > MOST_GONE:
+                return False
             v = self.apex[p, v]
             if v == first:
                 break
-            if len(loop) > MOST_STEPS:
-                return False
         for k, v in enumerate(loop):
             self.take(p, v, loop[(k + 1) % len(loop)])
         return self._clip(loop) is not None
@@ -344,7 +351,7 @@ class Patch:
     def _half_star(self, p: int, start: int, end: int) -> list[int] | None:
         """Return the points around a point from one end of a chord to another, counter-clockwise."""
         loop = [start]
-        while len(loop) <= MOST_STEPS:
+        while len(loop) <= MOST_GONE:
             v = self.apex[p, loop[-1]]
             loop.append(v)
             if v == end:
