@@ -1,13 +1,13 @@
 //! Levels of a simplified domain (`features = "drop"`): what is smaller than the spacing is closed or cut off.
 //!
-//! Nodes are selected as in Figure 2, but none is forced. Facet vertices that stand out at the scale of f come first, and
-//! those that do so at f/2 too (corners, not the vertices beside one) may be twice as near to each other: what is lost
-//! with the corner of a thin part is much. Then come those that stand out at f/2 only (what is no corner should not keep out
-//! what is one on a finer level), the other vertices of walls, and last those of interfaces, all under the conflict rule. No
-//! vertex is put back: chords that would be no valid domain are given up instead. The cells of the constrained Delaunay
-//! triangulation of what is kept are inside where valid chords say so; elsewhere most of their sample points (centroid
-//! and three towards the corners) must lie in the input mesh. Then slivers are peeled off the rim, or a node of them is
-//! taken out; for the next round the triangulation is mended where that is less work than a new one (see `again`).
+//! Nodes are selected as in Figure 2 (see `select`), but none is forced, and no vertex is put back to make chords valid: chords
+//! that would be no valid domain are given up instead. The cells of the constrained Delaunay triangulation of what is kept
+//! are inside where valid chords say so; elsewhere most of their sample points (centroid and three towards the corners)
+//! must lie in the input mesh. Parts are never joined (see `parts`). Then slivers are peeled off the rim, or a node of them
+//! is taken out; for the next round the triangulation is mended where that is less work than a new one (see `again`).
+//!
+//! Where a level would change the area by more than a twentieth more than the finer one does, one between the two is made first
+//! (see `levels`), so that features are not lost all at once.
 //!
 //! Selection goes from coarse to fine, as in Figure 3. A node that ends in no cell is taken out, of this level and of all
 //! coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
@@ -20,25 +20,28 @@ mod mend;
 mod order;
 mod parts;
 mod pinch;
+mod select;
 mod trim;
 
 use crate::domain::{Chord, Domain, Sight};
 use crate::error::Error;
 use crate::hierarchy::Input;
-use crate::level::{Candidates, Choice, LevelMesh, Rules, select_interior};
+use crate::level::{Choice, LevelMesh};
 use crate::point::{NONE, Point};
-use crate::progress::Progress;
-use crate::selection::{greedy, rank};
-use parts::Parts;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 pub use assemble::Dropped;
+pub(crate) use parts::Parts;
 
 /// Smallest angle of a cell that is left on the rim, in degrees.
 const RIM_ANGLE_DEG: f64 = 15.0;
 
 /// Mending may change the area by this share of the input's more than dropping features did.
 const MOST_CHANGE: f64 = 0.05;
+
+/// By this share where that leaves no sliver.
+const MOST_FOR_ALL: f64 = 0.08;
 
 /// Larger cells, by their share of the area of the input, are peeled off the rim only if they can't be mended.
 const PEEL: f64 = 0.01;
@@ -49,82 +52,12 @@ const MENDING: usize = 4;
 /// Triangulations of one level at most: each but the last takes out nodes that end in no cell.
 const MOST_ROUNDS: usize = 32;
 
-/// What selection goes by.
-#[derive(Clone, Copy)]
-pub struct Terms<'a> {
-    /// The parameters of Figure 2.
-    pub rules: Rules,
-    /// Cosine of the feature angle.
-    pub cos_feature: f64,
-    /// Facet vertices that may not be kept; empty where all may be.
-    pub is_barred: &'a [bool],
-}
-
-/// Selects a level's nodes among the candidates, keeping `seeds` (see [`crate::level::select`]).
-pub fn select(
-    domain: &Domain,
-    candidates: &Candidates<'_>,
-    f: &[f64],
-    seeds: &Choice,
-    candidate_of: impl Fn(u32) -> u32,
-    Terms { rules, cos_feature, is_barred }: Terms<'_>,
-    progress: &Progress,
-) -> Result<Choice, Error> {
-    let facets = domain.len();
-    let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
-    let mut kept = if seeds.kept.is_empty() { vec![false; facets] } else { seeds.kept.clone() };
-    let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
-    keep.extend(&seeded);
-    let is_speck = domain.specks(&f[..facets]);
-    let (mut corners, mut lesser, mut order) = (Vec::new(), Vec::new(), Vec::new());
-    let mut room = f.to_vec();
-    let is_free = |&v: &u32| {
-        let is_barred = is_barred.get(v as usize).is_some_and(|&barred| barred);
-        !is_barred && !kept[v as usize] && !is_speck[domain.chain_of(v) as usize]
-    };
-    for v in (0..facets as u32).filter(is_free) {
-        let at = |scale: f64| domain.stands_out(v, scale * f[v as usize], cos_feature);
-        if let Some(sharpness) = at(1.0) {
-            if at(0.5).is_some() {
-                room[v as usize] /= 2.0;
-            }
-            corners.push((sharpness, v));
-        } else if let Some(sharpness) = at(0.5) {
-            lesser.push((sharpness, v));
-        } else {
-            order.push(v);
-        }
-    }
-    let by_sharpness = |mut corners: Vec<(f64, u32)>| {
-        corners.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        corners.into_iter().map(|(_, v)| v)
-    };
-    let corners: Vec<u32> = by_sharpness(corners).collect();
-    for v in greedy(&candidates.tree, &room, rules.beta, &corners, &keep, progress)? {
-        kept[v as usize] = true;
-        keep.push(v);
-    }
-    rank(&mut order, f);
-    let is_wall = |&v: &u32| !domain.chains[domain.chain_of(v) as usize].edges[0].interior;
-    let (walls, inner): (Vec<u32>, Vec<u32>) = order.into_iter().partition(is_wall);
-    let order: Vec<u32> = by_sharpness(lesser).chain(walls).chain(inner).collect();
-    for v in greedy(&candidates.tree, f, rules.beta, &order, &keep, progress)? {
-        kept[v as usize] = true;
-    }
-    let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
-    let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
-    let (interior, _) = select_interior(domain, candidates, f, seeds, &seeded, &kept, &chords, rules, progress)?;
-    Ok(Choice { kept, interior, chords, ..Choice::default() })
-}
-
 /// The input as the settling of levels sees it.
 pub struct Ground<'a> {
     domain: &'a Domain,
     input: &'a Input<'a>,
     sight: Sight<'a>,
-    /// For each node an eye: a cell that has it.
-    home: Vec<u32>,
-    parts: Parts,
+    parts: Arc<Parts>,
     /// Tag of every cell, empty where all have `tag`.
     tags: Vec<i64>,
     tag: i64,
@@ -141,11 +74,7 @@ pub struct Ground<'a> {
 
 impl<'a> Ground<'a> {
     /// Runtime: O(m), O(m log m) where there are several tags.
-    pub fn new(domain: &'a Domain, input: &'a Input<'a>, cos_feature: f64) -> Ground<'a> {
-        let mut home = vec![NONE; input.points.len()];
-        for (t, cell) in input.cells.iter().enumerate() {
-            cell.iter().for_each(|&node| home[node as usize] = t as u32);
-        }
+    pub fn new(domain: &'a Domain, input: &'a Input<'a>, parts: Arc<Parts>, cos_feature: f64) -> Ground<'a> {
         let (mut degree, mut outer) = (vec![0; domain.len()], vec![0; domain.len()]);
         for edge in domain.chains.iter().flat_map(|chain| &chain.edges) {
             let is_outer = edge.sides[0].is_inside() != edge.sides[1].is_inside();
@@ -162,8 +91,7 @@ impl<'a> Ground<'a> {
             vertex_of: (0..domain.len() as u32)
                 .flat_map(|v| domain.copies(v).iter().map(move |&node| (node, v)))
                 .collect(),
-            parts: Parts::new(input, &home),
-            home,
+            parts,
             tags,
             tag,
             degree,
@@ -179,7 +107,7 @@ impl<'a> Ground<'a> {
 
     /// A point inside the mesh near a node, and the tag there.
     fn eye(&self, node: u32) -> (Point<2>, i64) {
-        let t = self.home[node as usize] as usize;
+        let t = self.parts.home[node as usize] as usize;
         let corners = self.input.cells.get(t).map(|i| self.input.points[i as usize]);
         (centroid(&corners), self.tags.get(t).copied().unwrap_or(self.tag))
     }
@@ -197,7 +125,7 @@ impl<'a> Ground<'a> {
         for v in 0..self.domain.len() as u32 {
             choice.kept[v as usize] &= self.domain.copies(v).iter().any(|&node| is_allowed(node));
         }
-        let (mut most_change, mut memory) = (None, trim::Memory::default());
+        let (mut first_change, mut memory) = (None, trim::Memory::default());
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
         let mut most_area = PEEL * self.area;
         for round in 0..MOST_ROUNDS {
@@ -211,7 +139,8 @@ impl<'a> Ground<'a> {
             let victims = cells.victims(RIM_ANGLE_DEG, |s| self.cost(&cells, s, f));
             let shape = cells.shape(RIM_ANGLE_DEG);
             let change = (cells.area() - self.area).abs();
-            let most = *most_change.get_or_insert(change + MOST_CHANGE * self.area);
+            let most =
+                *first_change.get_or_insert(change) + if shape.0 == 0 { MOST_FOR_ALL } else { MOST_CHANGE } * self.area;
             let mut next = choice.clone();
             let is_last = !self.take_out(&mut next, &cells, &victims);
             let is_better = |old: &(usize, f64)| shape.0 < old.0 || (shape.0 == old.0 && shape.1 >= old.1);

@@ -11,7 +11,7 @@
 //! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
 
 use crate::domain::{Domain, FacetRow};
-use crate::drop::Dropped;
+use crate::drop::{Dropped, Parts};
 use crate::error::Error;
 use crate::guard::{Guard, Outcome, Scene, better};
 use crate::kdtree::KdTree;
@@ -23,6 +23,7 @@ use crate::spacing::{CoarseSpacing, nearest, threshold};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A level that keeps more than this share of the cells of the one before ends a hierarchy of open depth.
 pub const STALL: f64 = 0.95;
@@ -208,7 +209,7 @@ pub(crate) struct Builder<'a> {
     pub(crate) options: Options,
     pub(crate) progress: &'a Progress,
     pub(crate) domain: &'a Domain,
-    spacing: &'a Spacing<'a>,
+    pub(crate) spacing: &'a Spacing<'a>,
     /// The spacing over fewer sites, and the least factor that it is right for.
     thin: Option<(f64, CoarseSpacing<'static, 2>)>,
     /// f at all candidates for the factor of the first pool, until sites are left out by it.
@@ -222,6 +223,8 @@ pub(crate) struct Builder<'a> {
     pub(crate) at_hand: usize,
     /// Facet vertices that no level may keep where features are dropped; empty where all may be.
     pub(crate) is_barred: Vec<bool>,
+    /// The parts of the input, once a level that drops features has asked for them.
+    pub(crate) parts: Option<Arc<Parts>>,
 }
 
 /// The coarser levels, finest first, why they end, and g at the nodes of the input.
@@ -343,6 +346,7 @@ impl<'a> Base<'a> {
             candidate_of: vec![NONE; input.points.len()],
             at_hand: usize::MAX,
             is_barred: Vec::new(),
+            parts: None,
             pools: vec![Pool { candidates: self.all.borrowed(), members, f: Vec::new(), visits: 0 }],
             input,
             options: self.options,

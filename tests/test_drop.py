@@ -140,6 +140,9 @@ def test_parts_beside_each_other_are_never_joined(gap, features):
     h = coarsen.hierarchy(beside(square, [1.0 + gap, 0.0]), features=features, coarsest=20)
     assert h[-1].mesh.n_cells <= 20
     assert_parts_stay_apart(h)
+    for level in h:
+        assert len(np.unique(parts_of(level.mesh))) == 2
+        assert area_of(level.mesh) == pytest.approx(2.0, rel=0.02)
 
 
 @pytest.mark.parametrize("features", ["drop", "auto"])
@@ -154,3 +157,23 @@ def test_parts_of_random_domains_are_never_joined(seed, features):
 def test_zones_of_real_meshes_are_never_joined(meshes, name):
     arrays = np.load(meshes / f"{name}.npz")
     assert_parts_stay_apart(coarsen.hierarchy(coarsen.Mesh(arrays["points"], arrays["triangles"]), features="drop"))
+
+
+def test_a_round_boundary_loses_little_area():
+    mesh = gallery.ring(4000)
+    h = coarsen.hierarchy(mesh, features="drop")
+    assert h[-1].mesh.n_cells <= 100
+    for level in h:
+        assert area_of(level.mesh) == pytest.approx(area_of(mesh), rel=0.04)
+
+
+@pytest.mark.parametrize(
+    "name", ["gridded_fvcom", "xugrid_sandiego", "su2_naca0012_inv", "su2_rotating_cylinders_multizone"]
+)
+def test_real_domains_change_their_area_by_a_twelfth_at_most(meshes, name):
+    arrays = np.load(meshes / f"{name}.npz")
+    mesh = coarsen.Mesh(arrays["points"], arrays["triangles"])
+    h = coarsen.hierarchy(mesh, features="drop")
+    assert h[-1].mesh.n_cells <= 100
+    for level in h:
+        assert area_of(level.mesh) == pytest.approx(area_of(mesh), rel=1 / 12)

@@ -50,6 +50,26 @@ impl Domain {
         self.chains.iter().map(is_speck).collect()
     }
 
+    /// Whether a chain has cells on one side only.
+    pub fn is_outer(&self, c: u32) -> bool {
+        let [left, right] = self.chains[c as usize].edges[0].sides.map(|side| side.is_inside());
+        left != right
+    }
+
+    /// Area of the domain.
+    pub fn area(&self) -> f64 {
+        let walls = self.chains.iter().flat_map(|chain| &chain.edges);
+        let origin = self.points.first().copied().unwrap_or_default();
+        let at = |v: u32| [0, 1].map(|k| self.points[v as usize][k] - origin[k]);
+        walls
+            .map(|edge| {
+                let [[ax, ay], [bx, by]] = edge.vertices.map(at);
+                let sign = f64::from(edge.sides[0].is_inside() as i8 - edge.sides[1].is_inside() as i8);
+                sign * (ax * by - ay * bx) / 2.0
+            })
+            .sum()
+    }
+
     /// The first chain that a vertex is on.
     pub fn chain_of(&self, v: u32) -> u32 {
         self.place[v as usize].0

@@ -19,6 +19,13 @@ pub struct Dropped {
     pub area_lost: f64,
 }
 
+impl Dropped {
+    /// By how much the area differs from that of the input.
+    pub fn change(&self) -> f64 {
+        (self.area_gained - self.area_lost).abs()
+    }
+}
+
 /// Number of connected pieces of a boundary, by nodes.
 pub fn loops(boundary: &[[u32; 2]]) -> usize {
     let mut parent: HashMap<u32, u32> = HashMap::new();

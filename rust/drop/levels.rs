@@ -1,13 +1,15 @@
 //! The levels that drop features: selected coarse to fine, settled fine to coarse, and where they begin and end.
 
-use super::{Dropped, Ground, Terms, select};
+use super::select::{Terms, select};
+use super::{Dropped, Ground, Parts};
 use crate::domain::Domain;
 use crate::error::Error;
-use crate::hierarchy::{Builder, Level, MAX_LEVELS, STALL};
+use crate::hierarchy::{Builder, Level, MAX_LEVELS, STALL, Spacing};
 use crate::kdtree::KdTree;
 use crate::level::{Candidates, Choice, LevelMesh};
 use crate::point::Point;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Tries of a spacing a quarter as large where a level has no cell.
 const MOST_TRIES: i32 = 40;
@@ -15,10 +17,20 @@ const MOST_TRIES: i32 = 40;
 /// A maximal independent set drawn from a set that is hardly denser has holes: nodes may be nearer by this much there.
 const DENSER: f64 = 1.2;
 
+/// Where a level changes the area by this share of it more than the finer one does, a level between is made if that does not.
+const STEEP: f64 = 0.05;
+
+/// Spacings that are tried for it.
+const BETWEEN: i32 = 3;
+
+/// How many of the finer level's cells it may have at most.
+const WORTH_A_LEVEL: f64 = 0.8;
+
 /// A settled level.
 type Made = (LevelMesh, Dropped);
 
 /// A selected level that is not settled yet.
+#[derive(Clone)]
 struct Plan {
     choice: Choice,
     /// f at the facet vertices.
@@ -35,6 +47,14 @@ impl Plan {
         let kept = (0..domain.len() as u32).filter(|&v| self.choice.kept[v as usize]);
         kept.filter(|&v| domain.copies(v).iter().any(is_allowed)).count()
             + self.choice.interior.iter().filter(|node| is_allowed(node)).count()
+    }
+
+    /// Without f at the nodes that settling took out.
+    fn settled(mut self) -> Plan {
+        self.choice.interior.sort_unstable();
+        let interior = &self.choice.interior;
+        self.at_interior.retain(|at| interior.binary_search(&at.0).is_ok());
+        self
     }
 
     fn spacing(&self, ground: &Ground<'_>, mesh: &LevelMesh) -> Vec<f64> {
@@ -90,19 +110,25 @@ impl Builder<'_> {
         Ok(depth)
     }
 
-    fn terms(&self) -> Terms<'_> {
+    fn parts(&mut self) -> Arc<Parts> {
+        let (domain, input) = (self.domain, self.input);
+        self.parts.get_or_insert_with(|| Arc::new(Parts::new(domain, input))).clone()
+    }
+
+    fn terms<'b>(&'b self, parts: &'b Parts) -> Terms<'b> {
         let mut rules = self.options.rules;
         if !self.is_barred.is_empty() {
             rules.beta *= DENSER;
         }
-        Terms { rules, cos_feature: self.options.cos_feature, is_barred: &self.is_barred }
+        Terms { rules, cos_feature: self.options.cos_feature, is_barred: &self.is_barred, parts }
     }
 
     fn plan(&mut self, i: usize, seeds: &Choice) -> Result<Plan, Error> {
+        let parts = self.parts();
         let (f, p) = self.at_hand(i)?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
         let candidates = &self.pools[p].candidates;
-        let choice = select(self.domain, candidates, &f, seeds, candidate_of, self.terms(), self.progress)?;
+        let choice = select(self.domain, candidates, &f, seeds, candidate_of, self.terms(&parts), self.progress)?;
         let mut at_interior: Vec<(u32, f64)> =
             choice.interior.iter().map(|&node| (node, f[candidate_of(node) as usize])).collect();
         at_interior.sort_unstable_by_key(|at| at.0);
@@ -126,7 +152,7 @@ impl Builder<'_> {
             plans.push(plan);
         }
         plans.reverse();
-        let ground = Ground::new(self.domain, self.input, self.options.cos_feature);
+        let ground = Ground::new(self.domain, self.input, self.parts(), self.options.cos_feature);
         let nodes_of = |mesh: &LevelMesh| {
             let mut is_in = vec![false; self.input.points.len()];
             mesh.nodes.iter().for_each(|&node| is_in[node as usize] = true);
@@ -138,56 +164,108 @@ impl Builder<'_> {
         let mut sites = self.pools[0].members.len() - self.is_barred.iter().filter(|&&barred| barred).count();
         let mut visits = 0;
         let mut levels: Vec<Level> = Vec::new();
-        for k in 0..plans.len() {
+        let mut change = finer.and_then(|level| level.dropped).map_or(0.0, |dropped| dropped.change());
+        let (mut k, mut done, mut has_between) = (0, None, false);
+        while k < plans.len() {
             self.progress.enter(3, 1)?;
-            visits += plans[k].visits;
+            visits += if has_between { 0 } else { plans[k].visits };
             // most of those left out are known before they are made
             let planned = plans[k].sites(self.domain, allowed.as_deref());
             if is_open && k + 1 < plans.len() && planned as f64 > STALL * sites as f64 {
+                (k, has_between) = (k + 1, false);
                 continue;
             }
-            let plan = &mut plans[k];
-            let made = ground.settle(&mut plan.choice, &plan.at_facets, allowed.as_deref())?;
-            let made = match made {
-                Some(made) => Some(made),
-                None => {
-                    let finer = k.checked_sub(1).map(|k| &plans[k]);
-                    self.denser(&ground, first + k, finer, allowed.as_deref())?.map(|(plan, made)| {
-                        plans[k] = plan;
-                        made
-                    })
-                }
-            };
-            let factor = self.factor(first + k);
-            let Some((mesh, dropped)) = made else {
+            let (i, mut factor) = (first + k, self.factor(first + k));
+            let mut plan = plans[k].clone();
+            let mut made = ground.settle(&mut plan.choice, &plan.at_facets, allowed.as_deref())?;
+            if made.is_none()
+                && let Some((another, mesh)) = self.denser(&ground, i, done.as_ref(), allowed.as_deref())?
+            {
+                (plan, made) = (another, Some(mesh));
+            }
+            let Some((mut mesh, mut dropped)) = made else {
                 let Some(last) = levels.last().or(finer) else {
                     return Err(Error::Internal("no level of the domain has a cell".into()));
                 };
                 let again = Level { factor, dropped: last.dropped.or(Some(Dropped::default())), ..last.clone() };
                 levels.extend((!is_open).then_some(again));
+                (k, has_between) = (k + 1, false);
                 continue;
             };
-            let plan = &plans[k];
+            let most = change + STEEP * ground.area;
+            let is_steep = is_open && !has_between && dropped.change() > most;
+            has_between = false;
+            if is_steep
+                && let Some((share, another, steps)) =
+                    self.between(&ground, i, done.as_ref(), allowed.as_deref(), (WORTH_A_LEVEL * before as f64, most))?
+            {
+                (plan, (mesh, dropped), has_between) = (another, steps, true);
+                factor *= share;
+            }
             let now = mesh.cells.len();
             let is_last = is_open && now <= self.options.coarsest;
             if is_open && !is_last && now as f64 > STALL * before as f64 {
+                k += 1;
                 continue;
             }
             let spacing = plan.spacing(&ground, &mesh);
             if self.options.nested {
                 allowed = Some(nodes_of(&mesh));
             }
-            (before, sites) = (now, plan.sites(self.domain, None));
+            (before, sites, change) = (now, plan.sites(self.domain, None), dropped.change());
             levels.push(Level { mesh, factor, spacing, visits: std::mem::take(&mut visits), dropped: Some(dropped) });
+            done = Some(plan.settled());
             if is_last {
                 break;
             }
+            k += usize::from(!has_between);
         }
         Ok(levels)
     }
 
-    /// A level in place of level i, which has no cell: from the nodes of the finer plan, or of all that levels draw from, with
-    /// a spacing made smaller until there is a cell.
+    /// What a level in place of level i, or before it, is made from: the nodes of the finer plan, or all that levels draw from.
+    fn source(&self, finer: Option<&Plan>) -> Candidates<'static> {
+        let all = match finer {
+            Some(plan) => {
+                let mut nodes: Vec<u32> = self.pools[0].candidates.nodes[..self.domain.len()].to_vec();
+                nodes.extend(plan.at_interior.iter().map(|at| at.0));
+                nodes
+            }
+            None => self.pools[0].candidates.nodes.to_vec(),
+        };
+        let points: Vec<Point<2>> = all.iter().map(|&node| self.input.points[node as usize]).collect();
+        let tree = Cow::Owned(KdTree::new(&points));
+        Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(all) }
+    }
+
+    /// A level made from a source.
+    fn anew(
+        &mut self,
+        ground: &Ground<'_>,
+        candidates: &Candidates<'_>,
+        f: Vec<f64>,
+        allowed: Option<&[bool]>,
+    ) -> Result<Option<(Plan, Made)>, Error> {
+        let facets = self.domain.len();
+        let parts = self.parts();
+        let mut terms = self.terms(&parts);
+        let is_barred: Vec<bool>;
+        if let Some(allowed) = allowed {
+            let is_allowed = |&node: &u32| allowed[node as usize];
+            is_barred = (0..facets as u32).map(|v| !self.domain.copies(v).iter().any(is_allowed)).collect();
+            terms.is_barred = &is_barred;
+        }
+        let none = Choice::default();
+        let mut choice = select(self.domain, candidates, &f, &none, |node| node, terms, self.progress)?;
+        let Some(made) = ground.settle(&mut choice, &f, allowed)? else { return Ok(None) };
+        let mut at_interior: Vec<(u32, f64)> =
+            candidates.nodes[facets..].iter().copied().zip(f[facets..].iter().copied()).collect();
+        at_interior.sort_unstable_by_key(|at| at.0);
+        let visits = candidates.nodes.len();
+        Ok(Some((Plan { choice, at_facets: f[..facets].to_vec(), at_interior, visits }, made)))
+    }
+
+    /// A level in place of level i, which has no cell: with the finer spacing made smaller until there is a cell.
     fn denser(
         &mut self,
         ground: &Ground<'_>,
@@ -195,37 +273,43 @@ impl Builder<'_> {
         finer: Option<&Plan>,
         allowed: Option<&[bool]>,
     ) -> Result<Option<(Plan, Made)>, Error> {
-        let facets = self.domain.len();
-        let (f, all) = match finer {
-            Some(plan) => {
-                let mut f = plan.at_facets.clone();
-                let mut interior: Vec<u32> = plan.choice.interior.clone();
-                interior.sort_unstable();
-                for node in &interior {
-                    f.push(
-                        plan.at_interior.binary_search_by_key(node, |at| at.0).map_or(0.0, |k| plan.at_interior[k].1),
-                    );
-                }
-                let mut nodes: Vec<u32> = self.pools[0].candidates.nodes[..facets].to_vec();
-                nodes.append(&mut interior);
-                (f, nodes)
-            }
-            None => (self.spacing_in(i - 1, &self.pools[0])?, self.pools[0].candidates.nodes.to_vec()),
+        let candidates = self.source(finer);
+        let f = match finer {
+            Some(plan) => plan.at_facets.iter().copied().chain(plan.at_interior.iter().map(|at| at.1)).collect(),
+            None => self.spacing_in(i - 1, &self.pools[0])?,
         };
-        let points: Vec<Point<2>> = all.iter().map(|&node| self.input.points[node as usize]).collect();
-        let tree = Cow::Owned(KdTree::new(&points));
-        let candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(all) };
         for attempt in 0..MOST_TRIES {
             let scale = self.options.factor * 0.25f64.powi(attempt);
-            let f: Vec<f64> = f.iter().map(|f| f * scale).collect();
-            let none = Choice::default();
-            let mut choice = select(self.domain, &candidates, &f, &none, |node| node, self.terms(), self.progress)?;
-            let Some(made) = ground.settle(&mut choice, &f, allowed)? else { continue };
-            let mut at_interior: Vec<(u32, f64)> =
-                candidates.nodes[facets..].iter().copied().zip(f[facets..].iter().copied()).collect();
-            at_interior.sort_unstable_by_key(|at| at.0);
-            let visits = candidates.nodes.len();
-            return Ok(Some((Plan { choice, at_facets: f[..facets].to_vec(), at_interior, visits }, made)));
+            let made = self.anew(ground, &candidates, f.iter().map(|f| f * scale).collect(), allowed)?;
+            if made.is_some() {
+                return Ok(made);
+            }
+        }
+        Ok(None)
+    }
+
+    /// A level before level i, which changes the area by much: of at most `most_cells`, with the largest spacing that changes
+    /// it by at most `most_change`. Also the share of the factor of level i that it has.
+    fn between(
+        &mut self,
+        ground: &Ground<'_>,
+        i: usize,
+        finer: Option<&Plan>,
+        allowed: Option<&[bool]>,
+        (most_cells, most_change): (f64, f64),
+    ) -> Result<Option<(f64, Plan, Made)>, Error> {
+        let Spacing::Function(spacing) = self.spacing else { return Ok(None) };
+        let candidates = self.source(finer);
+        for attempt in 1..=BETWEEN {
+            let share = self.options.factor.powf(-f64::from(attempt) / f64::from(BETWEEN + 1));
+            let f = spacing.at_tree(share * self.factor(i), &candidates.tree, self.progress)?;
+            let Some((plan, made)) = self.anew(ground, &candidates, f, allowed)? else { continue };
+            if made.0.cells.len() as f64 > most_cells {
+                break;
+            }
+            if made.1.change() <= most_change {
+                return Ok(Some((share, plan, made)));
+            }
         }
         Ok(None)
     }

@@ -7,6 +7,7 @@
 
 use super::Ground;
 use super::trim::Trimmed;
+use crate::domain::Domain;
 use crate::hierarchy::Input;
 use crate::level::Choice;
 use crate::point::NONE;
@@ -14,6 +15,10 @@ use std::collections::HashMap;
 
 /// The parts of a mesh.
 pub struct Parts {
+    /// A cell of each node.
+    pub home: Vec<u32>,
+    /// For each node the number of its part, the same for parts that share a place; empty where there is but one part.
+    pub group: Vec<u32>,
     /// Part of each cell; empty where there is but one.
     of_cell: Vec<u32>,
     /// Parts of the nodes at which cells meet that share no edge there.
@@ -21,10 +26,12 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// `home` is a cell of each node.
-    ///
     /// Runtime: O(m) for m cells, nearly.
-    pub fn new(input: &Input<'_>, home: &[u32]) -> Parts {
+    pub fn new(domain: &Domain, input: &Input<'_>) -> Parts {
+        let mut home = vec![NONE; input.points.len()];
+        for (t, cell) in (0u32..).zip(input.cells.iter()) {
+            cell.iter().for_each(|&node| home[node as usize] = t);
+        }
         let mut ends = vec![0u8; home.len()];
         for facet in input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()) {
             facet.nodes.iter().for_each(|&i| ends[i as usize] = ends[i as usize].saturating_add(1));
@@ -61,7 +68,48 @@ impl Parts {
                 parts.dedup();
             });
         }
-        Parts { of_cell, at_pinch }
+        let mut parts = Parts { home, group: Vec::new(), of_cell, at_pinch };
+        if count > 1 {
+            for v in 0..domain.len() as u32 {
+                let mut at = domain.copies(v).iter().flat_map(|&node| parts.at(node));
+                if let Some(&first) = at.next() {
+                    for &part in at {
+                        let (a, b) = (root(&mut parent, first), root(&mut parent, part));
+                        parent[a.max(b) as usize] = a.min(b);
+                    }
+                }
+            }
+            let mut number = HashMap::new();
+            let mut group = |&t: &u32| {
+                let next = number.len() as u32;
+                *number.entry(root(&mut parent, t)).or_insert(next)
+            };
+            parts.group = parts.home.iter().map(&mut group).collect();
+        }
+        parts
+    }
+
+    /// The part of a node, the first where there are several.
+    pub fn first(&self, node: u32) -> u32 {
+        self.at(node).first().copied().unwrap_or(0)
+    }
+
+    /// By part, whether its outer boundary is a speck.
+    pub fn no_larger(&self, domain: &Domain, is_speck: &[bool]) -> Vec<bool> {
+        let mut lost = vec![false; self.of_cell.len().max(1)];
+        for (c, chain) in (0u32..).zip(&domain.chains).filter(|&(c, _)| is_speck[c as usize]) {
+            let node = chain.edges[0].sides.iter().find(|side| side.is_inside()).map(|side| side.tail);
+            if domain.is_outer(c) && !domain.is_hole(c) {
+                node.into_iter().for_each(|node| lost[self.first(node) as usize] = true);
+            }
+        }
+        lost
+    }
+
+    /// Parts of a node; none where there is but one part.
+    fn at(&self, node: u32) -> &[u32] {
+        let own = || self.of_cell.get(self.home[node as usize] as usize).map_or(&[][..], std::slice::from_ref);
+        self.at_pinch.get(&node).map_or_else(own, Vec::as_slice)
     }
 }
 
@@ -75,15 +123,9 @@ fn root(parent: &mut [u32], mut t: u32) -> u32 {
 }
 
 impl Ground<'_> {
-    /// Parts that a node belongs to; none where the mesh is one part.
-    pub(super) fn parts_of(&self, node: u32) -> &[u32] {
-        let own = || self.parts.of_cell.get(self.home[node as usize] as usize).map_or(&[][..], std::slice::from_ref);
-        self.parts.at_pinch.get(&node).map_or_else(own, Vec::as_slice)
-    }
-
     /// Whether a cell of the level may have a node.
     pub(super) fn is_of(&self, node: u32, part: u32) -> bool {
-        self.parts.of_cell.is_empty() || self.parts_of(node).contains(&part)
+        self.parts.of_cell.is_empty() || self.parts.at(node).contains(&part)
     }
 
     /// Tells the part of each cell of the level, from the nodes that `is_allowed` admits; cells of none are taken out.
@@ -93,10 +135,10 @@ impl Ground<'_> {
         }
         let facets = self.domain.len() as u32;
         let of_site = |&site: &u32| match site.checked_sub(facets) {
-            Some(node) => self.parts_of(node).to_vec(),
+            Some(node) => self.parts.at(node).to_vec(),
             None => {
                 let copies = self.domain.copies(site).iter().copied().filter(|&node| is_allowed(node));
-                copies.flat_map(|node| self.parts_of(node)).copied().collect()
+                copies.flat_map(|node| self.parts.at(node)).copied().collect()
             }
         };
         trimmed.parts_at = trimmed.sites.iter().map(of_site).collect();
@@ -136,7 +178,7 @@ impl Ground<'_> {
     /// The part that a chord beside a cell has on its side.
     fn part_beside(&self, choice: &Choice, trimmed: &Trimmed, t: usize) -> Option<u32> {
         let node = trimmed.cells.constraints[t].iter().find_map(|&c| self.copy(choice, c, true))?;
-        match self.parts_of(node) {
+        match self.parts.at(node) {
             [part] => Some(*part),
             _ => None,
         }

@@ -1,11 +1,9 @@
 """Levels of a simplified domain (``features="drop"``): what is smaller than the spacing is closed or cut off.
 
-Nodes are selected as in Figure 2, but none is forced. Facet vertices that stand out at the scale of f come first, and
-those that do so at f/2 too (corners, not the vertices beside one) may be twice as near to each other. Then come those
-that stand out at f/2 only, the other vertices of walls, and last those of interfaces, all under the conflict rule. No
-vertex is put back: chords that would be no valid domain are given up instead. The cells of the constrained Delaunay
-triangulation of what is kept are inside where valid chords say so; elsewhere most of their sample points must lie in
-the input mesh. Then slivers are peeled off the rim, or a node of them is taken out.
+Nodes are selected as in Figure 2 (see `drop_select`), but none is forced, and no vertex is put back to make chords
+valid: chords that would be no valid domain are given up instead. The cells of the constrained Delaunay triangulation of
+what is kept are inside where valid chords say so; elsewhere most of their sample points must lie in the input mesh.
+Then slivers are peeled off the rim, or a node of them is taken out.
 
 Selection goes from coarse to fine, as in Figure 3. A node that ends in no cell is taken out, of this level and of all
 coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
@@ -14,7 +12,7 @@ coarser ones: levels are settled from fine to coarse, and as the sets only shrin
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,18 +21,19 @@ from .drop_assemble import Dropped, Origin, assemble, is_given, loops
 from .drop_flip import free_moot_chords
 from .drop_label import Views, triangulate
 from .drop_mend import victims
-from .drop_parts import parts_of
+from .drop_parts import Parts
 from .drop_pinch import unpinch
 from .drop_trim import Trimmed, area
-from .level import Candidates, Choice, LevelMesh, Rules, select_interior
-from .loose import specks, stands_out, valid_chords
+from .level import Choice, LevelMesh
+from .loose import stands_out, valid_chords
 from .point import Bools, Floats, Ints
-from .selection import greedy, rank
 
 RIM_ANGLE_DEG = 15.0
 """Smallest angle of a cell that is left on the rim, in degrees."""
 MOST_CHANGE = 0.05
 """Mending may change the area by this share of the input's more than dropping features did."""
+MOST_FOR_ALL = 0.08
+"""By this share where that leaves no sliver."""
 PEEL = 0.01
 """Larger cells, by their share of the area of the input, are peeled off the rim only if they can't be mended."""
 MENDING = 4
@@ -45,65 +44,18 @@ MOST_ROUNDS = 32
 Settled = tuple[LevelMesh, Dropped]
 
 
-@dataclass(frozen=True)
-class Terms:
-    """What selection goes by; `barred` are the facet vertices that may not be kept."""
-
-    rules: Rules
-    cos_feature: float
-    barred: Bools
-
-
-def select(
-    domain: Domain, candidates: Candidates, f: Floats, seeds: Choice, candidate_of: Ints, terms: Terms
-) -> Choice:
-    """Select a level's nodes among the candidates, keeping `seeds`; see `coarsen.reference.level.select`."""
-    facets, rules = len(domain), terms.rules
-    seeded = candidate_of[seeds.interior]
-    kept = seeds.kept.copy()
-    is_speck = specks(domain, f[:facets])
-    room = f.copy()
-    corners: list[tuple[float, int]] = []
-    lesser: list[tuple[float, int]] = []
-    rest: list[int] = []
-    for v in range(facets):
-        if terms.barred[v] or kept[v] or is_speck[domain.place[v][0]]:
-            continue
-        at_f, at_half = (stands_out(domain, v, scale * float(f[v]), terms.cos_feature) for scale in (1.0, 0.5))
-        if at_f is not None:
-            corners.append((-at_f, v))
-            if at_half is not None:
-                room[v] /= 2.0
-        elif at_half is not None:
-            lesser.append((-at_half, v))
-        else:
-            rest.append(v)
-
-    def join(order: list[int], spacing: Floats) -> None:
-        keep = np.concatenate([np.flatnonzero(kept), seeded])
-        kept[greedy(candidates.points, spacing, rules.beta, np.array(order, np.int64), keep)] = True
-
-    join([v for _, v in sorted(corners)], room)
-    ranked = rank(np.array(rest, np.int64), f).tolist()
-    is_inner = [domain.chains[domain.place[v][0]].edges[0].interior for v in ranked]
-    walls = [v for v, inner in zip(ranked, is_inner, strict=True) if not inner]
-    interfaces = [v for v, inner in zip(ranked, is_inner, strict=True) if inner]
-    join([v for _, v in sorted(lesser)] + walls + interfaces, f)
-    chords = valid_chords(domain, kept, f[:facets], candidates.points[seeded], [])
-    interior, _ = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
-    return Choice(kept, interior, chords)
-
-
 class Ground:
     """The input as the settling of levels sees it."""
 
-    def __init__(self, domain: Domain, points: Floats, cells: Ints, facets: FacetArrays, cos_feature: float) -> None:
+    def __init__(
+        self, domain: Domain, points: Floats, cells: Ints, facets: FacetArrays, parts: Parts, cos_feature: float
+    ) -> None:
         self.domain, self.points, self.cos_feature = domain, points, cos_feature
         corners = [[(x, y) for x, y in rows] for rows in points[cells].tolist()]
         # a needle's may be rounded below zero
         self.area = sum(max(area(*rows), 0.0) for rows in corners)
         boundary = facets.facets[: facets.n_boundary].tolist()
-        self.origin = Origin(domain, parts_of(len(points), cells), self.area, loops(boundary))
+        self.origin = Origin(domain, parts, self.area, loops(boundary))
         self.views = Views(domain, points, cells, facets)
         self.vertex_of = {node: v for v, copies in enumerate(domain.copies) for node in copies}
         self.outer = [0] * len(domain)
@@ -127,7 +79,7 @@ class Ground:
         if allowed is not None:
             kept = choice.kept & np.array([allowed[copies].any() for copies in domain.copies], np.bool_)
             choice = replace(choice, kept=kept, interior=choice.interior[allowed[choice.interior]])
-        most_change = None
+        first_change = None
         best: tuple[tuple[int, float], Choice, Trimmed] | None = None
         most_area = PEEL * self.area
         for round_ in range(MOST_ROUNDS):
@@ -144,8 +96,9 @@ class Ground:
             lost = victims(cells, RIM_ANGLE_DEG, lambda s, cells=cells: self.cost(cells.sites[s], f))  # type: ignore[misc]
             shape = cells.shape(RIM_ANGLE_DEG)
             change = abs(cells.area() - self.area)
-            if most_change is None:
-                most_change = change + MOST_CHANGE * self.area
+            if first_change is None:
+                first_change = change
+            most_change = first_change + (MOST_CHANGE if shape[0] else MOST_FOR_ALL) * self.area
             fewer, takes_out = self.without(choice, cells, lost)
             slivers, least = shape
             if change <= most_change and (best is None or (slivers, -least) <= (best[0][0], -best[0][1])):

@@ -8,16 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from .drop import Ground, Settled, Terms, select
+from .drop import Ground, Settled
 from .drop_assemble import Dropped
+from .drop_parts import parts_of
+from .drop_select import Terms, select
 from .hierarchy import MAX_LEVELS, STALL, Builder, Made, as_dict, power
 from .level import Candidates, Choice
 from .point import Bools, Floats, Ints
+from .spacing import capped
 
 MOST_TRIES = 40
 """Tries of a spacing a quarter as large where a level has no cell."""
 DENSER = 1.2
 """A maximal independent set drawn from a set that is hardly denser has holes: there nodes may be this much nearer."""
+STEEP = 0.05
+"""Where a level changes the area by this share of it more than the finer one, one between is made if that does not."""
+BETWEEN = 3
+"""Spacings that are tried for it."""
+WORTH_A_LEVEL = 0.8
+"""How many of the finer level's cells it may have at most."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +46,12 @@ class Dropping:
         self.builder, self.domain, self.options = builder, builder.domain, builder.options
         self.barred = np.zeros(len(self.domain), np.bool_)
         rules = builder.rules
+        self.parts = parts_of(self.domain, len(builder.points), builder.cells)
         if wanted is not None:
             self.barred[:] = [not np.isin(copies, wanted).any() for copies in self.domain.copies]
             builder.draw_from(wanted)
             rules = replace(rules, beta=rules.beta * DENSER)
-        self.terms = Terms(rules, math.cos(math.radians(self.options.feature_angle)), self.barred)
+        self.terms = Terms(rules, math.cos(math.radians(self.options.feature_angle)), self.barred, self.parts)
 
     def depth(self) -> int:
         """Return the first level of so few nodes that no triangulation of them has more than `coarsest` cells."""
@@ -79,24 +89,28 @@ class Dropping:
         for i in range(depth, first - 1, -1):
             seeds = plans[0].choice if plans and options.nested else builder.no_seeds()
             plans.insert(0, self.plan(i, seeds))
-        ground = Ground(self.domain, builder.points, builder.cells, builder.facets, self.terms.cos_feature)
+        ground = Ground(self.domain, builder.points, builder.cells, builder.facets, self.parts, self.terms.cos_feature)
         allowed = self._nodes(finer["nodes"]) if finer is not None and options.nested else None
         before = len(builder.cells) if finer is None else len(finer["cells"])
         is_open = options.levels is None
         sites = len(builder.pools[0].members) - int(self.barred.sum())
         visits = 0
         levels: list[dict[str, Any]] = []
-        for k in range(len(plans)):
-            visits += plans[k].visits
+        was = None if finer is None else finer.get("dropped")
+        change = 0.0 if was is None else abs(was["area_gained"] - was["area_lost"])
+        k, done, has_between = 0, None, False
+        while k < len(plans):
+            visits += 0 if has_between else plans[k].visits
             # most of those left out are known before they are made
             if is_open and k + 1 < len(plans) and self._sites(plans[k].choice, allowed) > STALL * sites:
+                k, has_between = k + 1, False
                 continue
             choice, made = ground.settle(plans[k].choice, plans[k].at_facets, allowed)
-            plans[k] = replace(plans[k], choice=choice)
+            plan = replace(plans[k], choice=choice)
             if made is None:
-                again = self._denser(ground, first + k, plans[k - 1] if k > 0 else None, allowed)
+                again = self._denser(ground, first + k, done, allowed)
                 if again is not None:
-                    plans[k], made = again
+                    plan, made = again
             factor = power(options.factor, first + k)
             if made is None:
                 last = levels[-1] if levels else finer
@@ -104,20 +118,31 @@ class Dropping:
                     raise RuntimeError("no level of the domain has a cell")
                 if not is_open:
                     levels.append({"dropped": Dropped().as_dict(), **last, "factor": factor})
+                k, has_between = k + 1, False
                 continue
+            most = change + STEEP * ground.area
+            is_steep = is_open and not has_between and abs(made[1].area_gained - made[1].area_lost) > most
+            has_between = False
+            if is_steep:
+                found = self._between(ground, first + k, done, allowed, (WORTH_A_LEVEL * before, most))
+                if found is not None:
+                    share, plan, made = found
+                    has_between, factor = True, factor * share
             mesh, dropped = made
             now = len(mesh.cells)
             is_last = is_open and now <= options.coarsest
             if is_open and not is_last and now > STALL * before:
+                k += 1
                 continue
-            spacing = self._spacing(ground, plans[k], mesh.nodes)
+            spacing = self._spacing(ground, plan, mesh.nodes)
             if options.nested:
                 allowed = self._nodes(mesh.nodes)
-            before, sites = now, self._sites(plans[k].choice, None)
+            before, sites, change = now, self._sites(plan.choice, None), abs(dropped.area_gained - dropped.area_lost)
             levels.append({**as_dict(mesh, factor, spacing, visits), "dropped": dropped.as_dict()})
-            visits = 0
+            visits, done = 0, plan
             if is_last:
                 break
+            k += not has_between
         return levels
 
     def _nodes(self, nodes: Ints) -> Bools:
@@ -139,29 +164,64 @@ class Dropping:
             [plan.at_facets[vertex_of[i]] if i in vertex_of else inside.get(i, 0.0) for i in nodes.tolist()]
         )
 
-    def _denser(self, ground: Ground, i: int, finer: Plan | None, allowed: Bools | None) -> tuple[Plan, Settled] | None:
-        """Make a level in place of level i, which has no cell.
+    def _source(self, finer: Plan | None) -> Candidates:
+        """Return the nodes of the finer plan, or all that levels draw from."""
+        pool = self.builder.pools[0]
+        nodes = pool.candidates.nodes
+        if finer is not None:
+            nodes = np.concatenate([nodes[: len(self.domain)], np.sort(finer.choice.interior)])
+        return Candidates(self.builder.points[nodes], nodes)
 
-        It is drawn from the nodes of the finer plan, or of all that levels draw from, with a spacing made smaller until
-        there is a cell.
-        """
-        facets, pool = len(self.domain), self.builder.pools[0]
-        if finer is None:
-            spacing, nodes = self.builder.spacing_in(i - 1, pool), pool.candidates.nodes
-        else:
-            inside = np.sort(finer.choice.interior)
-            known = [finer.at_interior.get(node, 0.0) for node in inside.tolist()]
-            spacing = np.concatenate([finer.at_facets, known])
-            nodes = np.concatenate([pool.candidates.nodes[:facets], inside])
-        candidates = Candidates(self.builder.points[nodes], nodes)
+    def _anew(
+        self, ground: Ground, source: Candidates, f: Floats, allowed: Bools | None
+    ) -> tuple[Plan, Settled] | None:
+        """Make a level from a source."""
+        facets, terms = len(self.domain), self.terms
+        if allowed is not None:
+            barred = np.array([not allowed[copies].any() for copies in self.domain.copies], np.bool_)
+            terms = replace(terms, barred=barred)
         none = np.empty(0, np.int64)
+        choice = select(self.domain, source, f, self.builder.no_seeds(), none, terms)
+        choice, made = ground.settle(choice, f[:facets], allowed)
+        if made is None:
+            return None
+        at_interior = dict(zip(source.nodes[facets:].tolist(), f[facets:].tolist(), strict=True))
+        return Plan(choice, f[:facets], at_interior, len(source.nodes)), made
+
+    def _denser(self, ground: Ground, i: int, finer: Plan | None, allowed: Bools | None) -> tuple[Plan, Settled] | None:
+        """Make a level in place of level i, which has no cell: with the finer spacing, reduced until there is one."""
+        source = self._source(finer)
+        if finer is None:
+            spacing = self.builder.spacing_in(i - 1, self.builder.pools[0])
+        else:
+            inside = source.nodes[len(self.domain) :].tolist()
+            spacing = np.concatenate([finer.at_facets, [finer.at_interior.get(node, 0.0) for node in inside]])
         for attempt in range(MOST_TRIES):
-            f = spacing * (self.options.factor * 0.25**attempt)
-            choice = select(self.domain, candidates, f, self.builder.no_seeds(), none, self.terms)
-            choice, made = ground.settle(choice, f[:facets], allowed)
+            made = self._anew(ground, source, spacing * (self.options.factor * 0.25**attempt), allowed)
             if made is not None:
-                at_interior = dict(zip(nodes[facets:].tolist(), f[facets:].tolist(), strict=True))
-                return Plan(choice, f[:facets], at_interior, len(nodes)), made
+                return made
+        return None
+
+    def _between(
+        self, ground: Ground, i: int, finer: Plan | None, allowed: Bools | None, bounds: tuple[float, float]
+    ) -> tuple[float, Plan, Settled] | None:
+        """Make a level before level i, with the largest spacing that keeps to the bounds of cells and of area."""
+        if self.options.method == "threshold":
+            return None
+        most_cells, most_change = bounds
+        source, builder = self._source(finer), self.builder
+        for attempt in range(1, BETWEEN + 1):
+            share = self.options.factor ** (-attempt / (BETWEEN + 1))
+            factor = share * power(self.options.factor, i)
+            f = capped(builder.finest, builder.g, builder.cap, factor, builder.rules.gradation, source.points)
+            found = self._anew(ground, source, f, allowed)
+            if found is None:
+                continue
+            plan, made = found
+            if len(made[0].cells) > most_cells:
+                break
+            if abs(made[1].area_gained - made[1].area_lost) <= most_change:
+                return share, plan, made
         return None
 
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from .domain import Domain
 from .drop_trim import Trimmed, edges_of
 from .patch import Cell
@@ -23,13 +25,15 @@ class Parts:
 
     of_node: list[set[int]]
     count: int
+    group: Ints
+    """For each node a number of its part, the same for parts that share a place."""
 
     def has(self, node: int, part: int) -> bool:
         """Whether a cell of a part may have a node."""
         return self.count == 1 or part in self.of_node[node]
 
 
-def parts_of(n_points: int, cells: Ints) -> Parts:
+def parts_of(domain: Domain, n_points: int, cells: Ints) -> Parts:
     """Return the parts of a mesh."""
     rows = [(a, b, c) for a, b, c in cells.tolist()]
     left = {edge: t for t, cell in enumerate(rows) for edge in edges_of(cell)}
@@ -49,7 +53,19 @@ def parts_of(n_points: int, cells: Ints) -> Parts:
                 if other is not None and part[other] < 0:
                     part[other] = first
                     waiting.append(other)
-    return Parts(of_node, len(set(part)))
+    root = {name: name for name in part}
+
+    def top(name: int) -> int:
+        while root[name] != name:
+            name = root[name]
+        return name
+
+    for copies in domain.copies:
+        first, *others = sorted({top(name) for node in copies for name in of_node[node]})
+        for name in others:
+            root[top(name)] = top(first)
+    group = np.array([top(min(names, default=0)) for names in of_node], np.int64)
+    return Parts(of_node, len(set(part)), group)
 
 
 def tell_parts(

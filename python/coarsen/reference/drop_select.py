@@ -1,0 +1,154 @@
+"""Which nodes a level of a simplified domain keeps.
+
+Facet vertices come before interior nodes, all under the conflict rule: those that stand out at the scale of f (those
+that do so at f/2 too may be twice as near to each other), those that stand out at f/2 only, then the other vertices of
+walls and those of interfaces as they follow each other along their chains, last the farthest vertices of wall chords
+that change the area by more than `COSTLY`. Vertices of parts that share no vertex do not conflict, and a part that is
+no larger than f has no nodes at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .chords import chords_of
+from .domain import Domain
+from .drop_parts import Parts
+from .level import Candidates, Choice, Rules, select_interior
+from .loose import is_hole, specks, stands_out, strips, valid_chords
+from .point import Bools, Floats, Ints
+from .selection import greedy
+
+COSTLY = 0.01
+"""A chord that changes the area by a larger share than this is split."""
+NEARER = 0.5
+"""How near vertices that split a chord may be to each other, and to others."""
+PUT_BACK = 3
+"""Rounds of that."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What selection goes by; `barred` are the facet vertices that may not be kept."""
+
+    rules: Rules
+    cos_feature: float
+    barred: Bools
+    parts: Parts
+
+
+def select(
+    domain: Domain, candidates: Candidates, f: Floats, seeds: Choice, candidate_of: Ints, terms: Terms
+) -> Choice:
+    """Select a level's nodes among the candidates, keeping `seeds`; see `coarsen.reference.level.select`."""
+    facets, rules = len(domain), terms.rules
+    seeded = candidate_of[seeds.interior]
+    kept = seeds.kept.copy()
+    is_speck = specks(domain, f[:facets])
+    room = f.copy()
+    corners: list[tuple[float, int]] = []
+    lesser: list[tuple[float, int]] = []
+    rest: set[int] = set()
+
+    def may_stay(v: int) -> bool:
+        return not terms.barred[v] and not is_speck[domain.place[v][0]]
+
+    for v in range(facets):
+        if kept[v] or not may_stay(v):
+            continue
+        at_f, at_half = (stands_out(domain, v, scale * float(f[v]), terms.cos_feature) for scale in (1.0, 0.5))
+        if at_f is not None:
+            corners.append((-at_f, v))
+            if at_half is not None:
+                room[v] /= 2.0
+        elif at_half is not None:
+            lesser.append((-at_half, v))
+        else:
+            rest.add(v)
+    points = candidates.points
+    if terms.parts.count > 1:
+        # each group of parts on a plane of its own, farther apart than any two points conflict
+        taking_part = np.concatenate([np.arange(facets), seeded]).astype(np.int64)
+        height = np.zeros(len(points))
+        height[taking_part] = terms.parts.group[candidates.nodes[taking_part]] * (2.0 * f[taking_part].max(initial=0.0))
+        points = np.column_stack([points, height])
+
+    def join(order: list[int], spacing: Floats) -> bool:
+        keep = np.concatenate([np.flatnonzero(kept), seeded])
+        joined = greedy(points, spacing, rules.beta, np.array(order, np.int64), keep)
+        kept[joined] = True
+        return len(joined) > 0
+
+    join([v for _, v in sorted(corners)], room)
+    walk = along_chains(domain, rest, kept)
+    is_inner = [domain.chains[domain.place[v][0]].edges[0].interior for v in walk]
+    walls = [v for v, inner in zip(walk, is_inner, strict=True) if not inner]
+    interfaces = [v for v, inner in zip(walk, is_inner, strict=True) if inner]
+    join([v for _, v in sorted(lesser)] + walls + interfaces, f)
+    for _ in range(PUT_BACK):
+        if not join(costly(domain, kept, f, may_stay), NEARER * f):
+            break
+    chords = valid_chords(domain, kept, f[:facets], candidates.points[seeded], [])
+    interior, _ = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
+    lost = _no_larger(domain, terms.parts, is_speck)
+    interior = (
+        interior[[min(terms.parts.of_node[node]) not in lost for node in interior.tolist()]] if lost else interior
+    )
+    return Choice(kept, interior, chords)
+
+
+def _is_outer(domain: Domain, c: int) -> bool:
+    left, right = domain.chains[c].edges[0].sides
+    return left.is_inside != right.is_inside
+
+
+def _no_larger(domain: Domain, parts: Parts, is_speck: list[bool]) -> set[int]:
+    """Return the parts whose outer boundary is a speck."""
+    lost = set()
+    for c, chain in enumerate(domain.chains):
+        if is_speck[c] and _is_outer(domain, c) and not is_hole(domain, c):
+            lost.add(min(parts.of_node[next(side.tail for side in chain.edges[0].sides if side.is_inside)]))
+    return lost
+
+
+def along_chains(domain: Domain, asked: set[int], kept: Bools) -> list[int]:
+    """Return facet vertices in their order along the chains, the longest first, each from its first kept vertex on."""
+    walk: dict[int, None] = {}
+    for c in sorted(range(len(domain.chains)), key=lambda c: -domain.chains[c].arc[-1]):
+        vertices = domain.chains[c].vertices
+        start = next((k for k, v in enumerate(vertices) if kept[v]), 0)
+        walk.update((int(v), None) for v in [*vertices[start:], *vertices[:start]] if v in asked)
+    return list(walk)
+
+
+def costly(domain: Domain, kept: Bools, f: Floats, may_stay: Callable[[int], bool]) -> list[int]:
+    """Return the farthest vertices of wall chords that change the area much, the costliest first."""
+    most = COSTLY * _area(domain)
+    found = []
+    for chord in chords_of(domain, kept):
+        if (
+            chord.vertices[0] == chord.vertices[1]
+            or chord.deviation_2 <= 0.0
+            or not may_stay(chord.farthest)
+            or not _is_outer(domain, chord.chain)
+        ):
+            continue
+        a, b = chord.vertices
+        reach = max(float(f[a]), float(f[b]))
+        cost = sum(strips(domain, chord))
+        if chord.deviation_2 <= reach * reach and cost > most:
+            found.append((-cost, chord.farthest))
+    return [v for _, v in sorted(found)]
+
+
+def _area(domain: Domain) -> float:
+    ox, oy = domain.points[0] if len(domain) else (0.0, 0.0)
+    total = 0.0
+    for chain in domain.chains:
+        for edge in chain.edges:
+            (ax, ay), (bx, by) = ((domain.points[v][0] - ox, domain.points[v][1] - oy) for v in edge.vertices)
+            total += (int(edge.sides[0].is_inside) - int(edge.sides[1].is_inside)) * (ax * by - ay * bx) / 2.0
+    return total
