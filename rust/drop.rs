@@ -77,10 +77,9 @@ impl<'a> Ground<'a> {
     pub fn new(domain: &'a Domain, input: &'a Input<'a>, parts: Arc<Parts>, cos_feature: f64) -> Ground<'a> {
         let (mut degree, mut outer) = (vec![0; domain.len()], vec![0; domain.len()]);
         for edge in domain.chains.iter().flat_map(|chain| &chain.edges) {
-            let is_outer = edge.sides[0].is_inside() != edge.sides[1].is_inside();
             for v in edge.vertices {
                 degree[v as usize] += 1;
-                outer[v as usize] += u32::from(is_outer);
+                outer[v as usize] += u32::from(edge.is_outer());
             }
         }
         let boundary: Vec<[u32; 2]> =

@@ -479,15 +479,14 @@ impl Builder<'_> {
 
     /// Leaves out the sites that win nowhere from level i on, where f is to be found at few candidates.
     fn thin_sites(&mut self, i: usize) {
-        let factor = self.factor(i);
-        self.thin = match (self.spacing, self.thin.take(), self.known.take()) {
-            (Spacing::Threshold { .. }, ..) => None,
-            (_, Some((_, thin)), _) => Some((factor, thin.thinned(factor, None))),
-            (Spacing::Function(all), None, Some((lesser, f))) => {
-                Some((factor, all.thinned(factor, Some((lesser, &f)))))
-            }
-            (Spacing::Function(all), None, None) => Some((factor, all.thinned(factor, None))),
+        let Spacing::Function(all) = self.spacing else { return };
+        let (factor, known) = (self.factor(i), self.known.take());
+        let known = known.as_ref().map(|(lesser, f)| (*lesser, &f[..]));
+        let thin = match &self.thin {
+            Some((_, thin)) => thin.thinned(factor, None),
+            None => all.thinned(factor, known),
         };
+        self.thin = Some((factor, thin));
     }
 
     /// Number of cells that the triangulation of a choice has, by Euler's formula.

@@ -13,13 +13,14 @@ from scipy.sparse.linalg import spsolve
 
 import coarsen
 from coarsen import _core, galerkin, multigrid, transfer
+from coarsen.transfer.rows import csr
 
 SEED = 7
 
 
 def product(A, P, least=0.0, threads=None):
     restriction, made = _core.galerkin(A, P, least, threads)
-    return galerkin.wrapped(restriction, P.shape[0]), galerkin.wrapped(made, P.shape[1])
+    return csr(restriction, P.shape[0]), csr(made, P.shape[1])
 
 
 @pytest.fixture(scope="module")

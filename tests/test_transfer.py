@@ -570,14 +570,19 @@ SMALL = {
 }
 
 
+def arguments(h, i):
+    """Return what the core and its twin are given of level i and the one before."""
+    fine, coarse = h[i - 1].mesh, h[i].mesh
+    return (fine.points, fine.cells, coarse.points, coarse.cells, transfer.shared_nodes(h, i - 1, i), None)
+
+
 @pytest.mark.parametrize("features", FEATURES)
 @pytest.mark.parametrize("name", SMALL)
 def test_the_twins_agree(name, features):
     h = coarsen.hierarchy(SMALL[name](), features=features)
     for i in range(1, len(h)):
         fine, coarse = h[i - 1].mesh, h[i].mesh
-        shared = transfer.shared_nodes(h, i - 1, i)
-        pair = (fine.points, fine.cells, coarse.points, coarse.cells, shared, None)
+        pair = arguments(h, i)
         (rust, outside, distance, lost), (numpy, *others) = _core.prolongation(*pair), reference.prolongation(*pair)
         shape = (fine.n_points, coarse.n_points)
         matrices = [csr_matrix((rows[2], rows[1], rows[0]), shape=shape) for rows in (rust, numpy)]
@@ -605,8 +610,7 @@ def test_the_twins_agree_on_random_domains(features):
         h = coarsen.hierarchy(mesh, features=features, coarsest=6)
         for i in range(1, len(h)):
             fine, coarse = h[i - 1].mesh, h[i].mesh
-            shared = transfer.shared_nodes(h, i - 1, i)
-            pair = (fine.points, fine.cells, coarse.points, coarse.cells, shared, None)
+            pair = arguments(h, i)
             (rust, outside, _, lost), (numpy, *others) = _core.prolongation(*pair), reference.prolongation(*pair)
             shape = (fine.n_points, coarse.n_points)
             matrices = [csr_matrix((rows[2], rows[1], rows[0]), shape=shape).toarray() for rows in (rust, numpy)]

@@ -22,6 +22,7 @@ import numpy as np
 
 from coarsen import loose, transfer
 from coarsen.backend import backend
+from coarsen.transfer.rows import csr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -130,8 +131,8 @@ def stages(
             # moving an entry between two unknowns of different kinds to the diagonal would change more than its size
             least = WEAK if block_size == 1 else 0.0
             restriction, coarse = core.galerkin(matrix, prolongation, least, hierarchy.options.threads)
-            restriction = wrapped(restriction, matrix.shape[0])
-            coarse = wrapped(coarse, prolongation.shape[1])
+            restriction = csr(restriction, matrix.shape[0])
+            coarse = csr(coarse, prolongation.shape[1])
         else:
             component, by_matrix = component_coarse, np.empty(0, np.int64)
             restriction = prolongation.T.tocsr()
@@ -271,17 +272,6 @@ def as_csr(A: Any) -> csr_matrix:
             raise ValueError(f"'A' has {matrix.nnz} entries, expected fewer than 2**31 - 1")
         parts = (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
         matrix = csr_matrix(parts, shape=matrix.shape)
-    return matrix
-
-
-def wrapped(rows: tuple[Any, Any, Any], columns: int) -> csr_matrix:
-    """Wrap the core's rows, without a copy."""
-    from scipy.sparse import csr_matrix
-
-    indptr, indices, values = rows
-    matrix = csr_matrix((values, indices, indptr), shape=(len(indptr) - 1, columns), copy=False)
-    matrix.has_sorted_indices = True
-    matrix.has_canonical_format = True
     return matrix
 
 

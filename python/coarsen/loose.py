@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coarsen.backend import backend
+from coarsen.transfer.rows import csr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -175,12 +176,10 @@ def _by_matrix(
     component: NDArray[np.int64],
 ) -> tuple[csr_matrix, NDArray[np.int64]]:
     """Interpolate loose unknowns by the entries of the matrix; return those of them that become coarse ones, too."""
-    from coarsen.galerkin import wrapped
-
     if not loose.any():
         return prolongation, np.empty(0, np.int64)
     rows, added = backend("rust").extended(matrix, prolongation, coarse, loose, component)
-    return wrapped(rows, prolongation.shape[1] + len(added)), added
+    return csr(rows, prolongation.shape[1] + len(added)), added
 
 
 def costly(matrix: csr_matrix, prolongation: csr_matrix, component: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -52,8 +52,7 @@ impl Domain {
 
     /// Whether a chain has cells on one side only.
     pub fn is_outer(&self, c: u32) -> bool {
-        let [left, right] = self.chains[c as usize].edges[0].sides.map(|side| side.is_inside());
-        left != right
+        self.chains[c as usize].edges[0].is_outer()
     }
 
     /// Area of the domain.

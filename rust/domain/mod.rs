@@ -71,6 +71,11 @@ pub struct FacetEdge {
 }
 
 impl FacetEdge {
+    /// Whether there are cells on one side only.
+    pub fn is_outer(&self) -> bool {
+        self.sides[0].is_inside() != self.sides[1].is_inside()
+    }
+
     fn reversed(self) -> FacetEdge {
         let [u, v] = self.vertices;
         let [left, right] = self.sides;

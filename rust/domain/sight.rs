@@ -51,7 +51,7 @@ impl<'a> Sight<'a> {
                 continue;
             }
             let [left, right] = edge.sides;
-            is_inside ^= left.is_inside() != right.is_inside();
+            is_inside ^= edge.is_outer();
             let side = if to > 0.0 { left } else { right };
             let time = from / (from - to);
             if side.is_inside() && time >= latest {

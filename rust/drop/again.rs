@@ -14,7 +14,7 @@
 //! be looked at. As ties are broken by the names of sites there is but one such triangulation, so that what is mended
 //! here is what would be made anew.
 
-use super::trim::{Trimmed, angles};
+use super::trim::Trimmed;
 use crate::domain::Chord;
 use crate::point::{NONE, Point, orient};
 use std::collections::{HashMap, HashSet};
@@ -104,9 +104,7 @@ impl Trimmed {
             for k in 0..3 {
                 self.meet(t, k);
             }
-            self.turn_to_lowest(t);
-            let corners: [Point<2>; 3] = self.cells.cells[t].map(|s| self.points[s as usize]);
-            self.angle[t] = angles(&corners).into_iter().fold(f64::INFINITY, f64::min);
+            self.renewed(t);
             rim[before] = (a.0, t as u32, NONE);
             rim.remove(ear);
         }

@@ -5,8 +5,8 @@
 //! anything. Flipping edges whose opposite corner lies in their circle ends at the constrained Delaunay triangulation
 //! of the facets that are left (Lawson 1977), and no smallest angle of two cells gets worse.
 
-use super::trim::{Trimmed, angles};
-use crate::point::{NONE, Point};
+use super::trim::Trimmed;
+use crate::point::NONE;
 
 impl Trimmed {
     /// Frees the chords that bound nothing; `stays` says which are facets whatever lies beside them.
@@ -106,9 +106,7 @@ impl Trimmed {
             }
         }
         for t in [t, s] {
-            self.turn_to_lowest(t);
-            let corners: [Point<2>; 3] = self.cells.cells[t].map(|s| self.points[s as usize]);
-            self.angle[t] = angles(&corners).into_iter().fold(f64::INFINITY, f64::min);
+            self.renewed(t);
         }
     }
 }

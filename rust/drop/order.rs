@@ -4,7 +4,7 @@
 //! So that levels are a matter of the input alone, sites are ascending, a cell begins with its lowest corner, cells are
 //! sorted, and of points on one circle it is as if the lifting of the lowest were raised a little.
 
-use super::trim::Trimmed;
+use super::trim::{Trimmed, least_angle};
 use crate::point::{NONE, Point, encloses_by_name, in_circle};
 use crate::triangulation::Cells;
 
@@ -54,6 +54,12 @@ impl Trimmed {
         self.cells.cells[t].rotate_left(k);
         self.cells.neighbours[t].rotate_left(k);
         self.cells.constraints[t].rotate_left(k);
+    }
+
+    /// Puts a cell that was made anew in order, and takes its angle.
+    pub(super) fn renewed(&mut self, t: usize) {
+        self.turn_to_lowest(t);
+        self.angle[t] = least_angle(&self.cells.cells[t].map(|s| self.points[s as usize]));
     }
 
     /// Whether a site lies in the circle of a cell.

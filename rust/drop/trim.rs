@@ -90,9 +90,7 @@ impl Ground<'_> {
         let constraints = constraints_of(self.domain, choice, &sites, |chord| sides(self.domain, chord));
         let (mut cells, failed) = hull(&points, &constraints)?;
         sort_sites(&mut sites, &mut points, &mut cells);
-        let least =
-            |cell: &[u32; 3]| angles(&cell.map(|s| points[s as usize])).into_iter().fold(f64::INFINITY, f64::min);
-        let angle = cells.cells.par_iter().map(least).collect();
+        let angle = cells.cells.par_iter().map(|cell| least_angle(&cell.map(|s| points[s as usize]))).collect();
         let is_slit = self.slits(choice, &failed);
         memory.failed = failed;
         let (label, part, parts_at) = (Vec::new(), Vec::new(), Vec::new());
@@ -362,6 +360,11 @@ impl Trimmed {
     pub fn area_of(&self, t: usize) -> f64 {
         area(&self.cells.cells[t].map(|s| self.points[s as usize]))
     }
+}
+
+/// The smallest angle of a triangle in degrees.
+pub fn least_angle(p: &[Point<2>; 3]) -> f64 {
+    angles(p).into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// Angles of a triangle in degrees.

@@ -8,8 +8,8 @@
 //! Whatever goes wrong (a constraint across a border that crosses cells that stay, points on a line) only means that the
 //! whole is triangulated in one piece. Strips depend on the points alone, never on the number of threads.
 
-use super::Cells;
 use super::cdt::triangulated;
+use super::{Cells, counted};
 use crate::error::Error;
 use crate::kdtree::Bounds;
 use crate::point::{NONE, Point};
@@ -113,10 +113,8 @@ struct Part {
 
 impl Part {
     /// From the cells of points and constraints with these names.
-    fn new(points: &[u32], constraints: &[u32], all: Cells, stays: impl Fn([u32; 3]) -> bool) -> Self {
-        let staying: Vec<usize> = (0..all.cells.len()).filter(|&t| stays(all.cells[t])).collect();
-        let mut number = vec![NONE; all.cells.len()];
-        staying.iter().zip(0..).for_each(|(&t, own)| number[t] = own);
+    fn new(points: &[u32], constraints: &[u32], all: Cells, stays: impl Fn([u32; 3]) -> bool + Sync) -> Self {
+        let (staying, number) = counted(all.cells.len(), |t| stays(all.cells[t]));
         let numbered = |t: u32| if t == NONE { NONE } else { number[t as usize] };
         let (mut is_corner, mut on_border) = (vec![false; points.len()], vec![false; points.len()]);
         for ((corners, beyond), &own) in all.cells.iter().zip(&all.neighbours).zip(&number) {
@@ -132,7 +130,7 @@ impl Part {
         let border = (0..points.len()).filter(is_around).map(|k| points[k]).collect();
         let renamed = |code: u32| if code == NONE { NONE } else { 2 * constraints[code as usize / 2] + code % 2 };
         let (mut cells, mut rim) = (Cells::default(), Vec::new());
-        for &t in &staying {
+        for t in staying.into_iter().map(|t| t as usize) {
             let beyond = all.neighbours[t].map(numbered);
             rim.extend((0..3).filter(|&k| beyond[k] == NONE).map(|k| (cells.cells.len() as u32, k)));
             cells.cells.push(all.cells[t].map(|k| points[k as usize]));
