@@ -40,8 +40,21 @@ def square_pair(n=400, *, seed=SEED):
     return points, cells_of(points), points[shared], cells_of(points[shared]), shared
 
 
+def boundary_of(cells):
+    """Edges of one cell, which is on their left."""
+    edges = np.concatenate([cells[:, [k, (k + 1) % 3]] for k in range(3)]).tolist()
+    there = set(map(tuple, edges))
+    return np.array([[a, b] for a, b in edges if (b, a) not in there], dtype=np.int64).reshape(-1, 2)
+
+
+def with_boundary(points, cells, *coarse):
+    """Insert the boundary of the finer mesh, as the core is given it."""
+    return points, cells, boundary_of(cells), *coarse
+
+
 def located(points, cells, coarse_points, coarse_cells, shared, threads=None):
-    rows, outside, distance, lost = _core.prolongation(points, cells, coarse_points, coarse_cells, shared, threads)
+    pair = with_boundary(points, cells, coarse_points, coarse_cells, shared)
+    rows, outside, distance, lost = _core.prolongation(*pair, threads)
     matrix = csr_matrix((rows[2], rows[1], rows[0]), shape=(len(points), len(coarse_points)))
     return matrix, outside, distance, lost
 
@@ -126,19 +139,20 @@ def test_a_node_in_a_needle_takes_the_values_next_to_it(core, height):
     corners = np.array([[0.0, 1.0], [1.0, 1.0], [0.5, 1.0 + height * np.spacing(1.0)]])
     points = np.concatenate([corners, [[0.25, 1.0], [0.75, 1.0]]])
     cells = np.array([[0, 3, 2], [3, 4, 2], [4, 1, 2]])
-    rows, outside, *_ = core.prolongation(points, cells, corners, np.array([[0, 1, 2]]), np.arange(3), None)
+    pair = with_boundary(points, cells, corners, np.array([[0, 1, 2]]), np.arange(3))
+    rows, outside, *_ = core.prolongation(*pair, None)
     matrix = csr_matrix((rows[2], rows[1], rows[0]), shape=(5, 3))
     assert len(outside) == 0
     np.testing.assert_allclose(matrix @ corners, points, rtol=0, atol=1e-14)
 
 
 def test_the_result_never_depends_on_threads_nor_on_the_kind_of_indices():
-    pair = square_pair(20_000)
+    pair = with_boundary(*square_pair(20_000))
     one = _core.prolongation(*pair, 1)
     for threads in (2, 3, 8, None):
         for a, b in zip(one[0], _core.prolongation(*pair, threads)[0], strict=True):
             assert (a == b).all()
-    short = (pair[0], pair[1].astype(np.int32), pair[2], pair[3].astype(np.int32), pair[4])
+    short = (pair[0], pair[1].astype(np.int32), *pair[2:4], pair[4].astype(np.int32), pair[5])
     assert (_core.prolongation(*short, None)[0][2] == one[0][2]).all()
 
 
@@ -165,16 +179,18 @@ def test_a_part_that_shares_no_node_but_lies_in_the_coarse_mesh_is_found_all_the
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda p: (p[0], p[1], p[2], p[3][:0], p[4]), "no cells"),
-        (lambda p: (p[0], p[1] + 9999, p[2], p[3], p[4]), "expected an index"),
-        (lambda p: (p[0], p[1], p[2], p[3], p[4][1:]), "injection"),
-        (lambda p: (p[0], p[1], p[2], p[3], p[4] + 9999), "injection"),
-        (lambda p: (p[0], p[1], p[2].T, p[3], p[4]), "coarse_points"),
+        (lambda p: (*p[:4], p[4][:0], p[5]), "no cells"),
+        (lambda p: (p[0], p[1] + 9999, *p[2:]), "expected an index"),
+        (lambda p: (*p[:2], p[2] + 9999, *p[3:]), r"'boundary\[0\]' names nodes"),
+        (lambda p: (*p[:2], -1 - p[2], *p[3:]), r"'boundary\[0\]' names nodes"),
+        (lambda p: (*p[:5], p[5][1:]), "injection"),
+        (lambda p: (*p[:5], p[5] + 9999), "injection"),
+        (lambda p: (*p[:3], p[3].T, *p[4:]), "coarse_points"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused_by_name(change, words):
     with pytest.raises(ValueError, match=words):
-        _core.prolongation(*change(square_pair(50)), None)
+        _core.prolongation(*change(with_boundary(*square_pair(50))), None)
 
 
 # --- hierarchies -----------------------------------------------------------------------------------------------------
@@ -316,9 +332,8 @@ def test_no_value_crosses_a_notch_at_a_shared_node(core):
     coarse = np.array([[0.0, 0.0], [0.0, -4.0], [4.0, 0.0]])
     points = np.concatenate([coarse, [[3.0, 1.0], [0.0, 3.0], [-3.0, 0.0]]])
     cells = np.array([[0, 1, 2], [0, 3, 4], [0, 4, 5], [0, 5, 1]])
-    rows, outside, distance, lost = core.prolongation(
-        points, cells, coarse, np.array([[0, 1, 2]]), np.array([0, 1, 2]), None
-    )
+    pair = with_boundary(points, cells, coarse, np.array([[0, 1, 2]]), np.array([0, 1, 2]))
+    rows, outside, distance, lost = core.prolongation(*pair, None)
     matrix = csr_matrix((rows[2], rows[1], rows[0]), shape=(6, 3)).toarray()
     assert (matrix[3:] == [1, 0, 0]).all()
     assert (outside == [3, 4, 5]).all()
@@ -572,8 +587,7 @@ SMALL = {
 
 def arguments(h, i):
     """Return what the core and its twin are given of level i and the one before."""
-    fine, coarse = h[i - 1].mesh, h[i].mesh
-    return (fine.points, fine.cells, coarse.points, coarse.cells, transfer.shared_nodes(h, i - 1, i), None)
+    return (*transfer.location.pair_of(h, i - 1, i), None)
 
 
 @pytest.mark.parametrize("features", FEATURES)

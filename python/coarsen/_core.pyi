@@ -89,6 +89,7 @@ class _Csr(Protocol):
 def prolongation(
     points: _Floats,
     cells: _Cells,
+    boundary: _Indices,
     coarse_points: _Floats,
     coarse_cells: _Cells,
     injection: _Indices,
@@ -97,6 +98,7 @@ def prolongation(
 def overlap(
     points: _Floats,
     cells: _Cells,
+    boundary: _Indices,
     coarse_points: _Floats,
     coarse_cells: _Cells,
     injection: _Indices,

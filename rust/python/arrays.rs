@@ -69,6 +69,18 @@ pub fn indices(name: &str, array: &PyReadonlyArray1<'_, i64>, n: usize) -> Resul
     array.as_array().iter().enumerate().map(narrow).collect()
 }
 
+/// Edges between `n` nodes.
+pub fn edges(name: &str, array: &PyReadonlyArray2<'_, i64>, n: usize) -> Result<Vec<[u32; 2]>, Error> {
+    let narrow = |(row, &ends): (usize, &[i64; 2])| match ends.map(u32::try_from) {
+        [Ok(a), Ok(b)] if (a.max(b) as usize) < n => Ok([a, b]),
+        _ => Err(Error::Argument(format!(
+            "'{name}[{row}]' names nodes {ends:?}, expected indices from 0 to {}",
+            n as i64 - 1
+        ))),
+    };
+    rows::<i64, 2>(name, array)?.iter().enumerate().map(narrow).collect()
+}
+
 /// The cells of a mesh of `n` nodes, from int32 or int64.
 pub fn cells<const K: usize>(array: &Bound<'_, PyUntypedArray>, n: usize) -> PyResult<Vec<[u32; K]>> {
     if let Ok(array) = array.cast::<PyArray2<i32>>() {

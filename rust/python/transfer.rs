@@ -5,6 +5,7 @@ use super::run::run;
 use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::halfedges::HalfEdges;
+use crate::transfer::prolongation::Finer;
 use crate::transfer::rows::{Rows, RowsRef};
 use crate::transfer::{cycle, filter, galerkin, loose, overlap, prolongation, slow};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
@@ -32,6 +33,7 @@ fn py_prolongation<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<'py, f64>,
     cells: Bound<'py, PyUntypedArray>,
+    boundary: PyReadonlyArray2<'py, i64>,
     coarse_points: PyReadonlyArray2<'py, f64>,
     coarse_cells: Bound<'py, PyUntypedArray>,
     injection: PyReadonlyArray1<'py, i64>,
@@ -39,10 +41,12 @@ fn py_prolongation<'py>(
 ) -> PyResult<(Matrix<'py>, Indices<'py>, Bound<'py, PyArray1<f64>>, Indices<'py>)> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
     let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
+    let boundary = super::arrays::edges("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let (made, outside, lost) = run(py, threads, None, |_| {
         let coarse = HalfEdges::new(coarse_points, &coarse)?;
-        let located = prolongation::locate(points, &fine, &coarse, &injection)?;
+        let finer = Finer { points, cells: &fine, boundary: &boundary };
+        let located = prolongation::locate(finer, &coarse, &injection)?;
         let (made, outside) = prolongation::weights(points, &coarse, &located.places)?;
         Ok((made, outside, located.lost))
     })?;
@@ -53,10 +57,12 @@ fn py_prolongation<'py>(
 
 /// Areas that the cells of a finer mesh share with those of a coarse one, as a matrix by rows.
 #[pyfunction(name = "overlap")]
+#[allow(clippy::too_many_arguments)]
 fn py_overlap<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<'py, f64>,
     cells: Bound<'py, PyUntypedArray>,
+    boundary: PyReadonlyArray2<'py, i64>,
     coarse_points: PyReadonlyArray2<'py, f64>,
     coarse_cells: Bound<'py, PyUntypedArray>,
     injection: PyReadonlyArray1<'py, i64>,
@@ -64,10 +70,12 @@ fn py_overlap<'py>(
 ) -> PyResult<Matrix<'py>> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
     let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
+    let boundary = super::arrays::edges("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let made = run(py, threads, None, |_| {
         let coarse = HalfEdges::new(coarse_points, &coarse)?;
-        let located = prolongation::locate(points, &fine, &coarse, &injection)?;
+        let finer = Finer { points, cells: &fine, boundary: &boundary };
+        let located = prolongation::locate(finer, &coarse, &injection)?;
         overlap::areas(points, &fine, &coarse, &located)
     })?;
     Ok(matrix(py, made))

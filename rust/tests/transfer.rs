@@ -2,7 +2,7 @@
 
 use _core::point::{NONE, Point, orient};
 use _core::transfer::halfedges::{HalfEdges, next, prev};
-use _core::transfer::prolongation::{locate, weights};
+use _core::transfer::prolongation::{Finer, locate, weights};
 use _core::transfer::rows::{Rows, RowsRef};
 use _core::transfer::{filter, galerkin, overlap};
 use proptest::prelude::*;
@@ -46,6 +46,11 @@ fn moves() -> impl Strategy<Value = Vec<(f64, f64)>> {
     prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 5..40)
 }
 
+fn boundary_of(points: &[Point<2>], cells: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mesh = HalfEdges::new(points, cells).unwrap();
+    mesh.boundary().map(|h| [mesh.node(h), mesh.node(next(h))]).collect()
+}
+
 fn area(points: &[Point<2>], cell: &[u32; 3]) -> f64 {
     let [a, b, c] = cell.map(|i| points[i as usize]);
     orient(&a, &b, &c) / 2.0
@@ -79,7 +84,9 @@ proptest! {
         let (points, cells) = square(2 * k, &moves);
         let (coarse_points, coarse_cells, injection) = coarsened(k, &points);
         let coarse = HalfEdges::new(&coarse_points, &coarse_cells).unwrap();
-        let located = locate(&points, &cells, &coarse, &injection).unwrap();
+        let boundary = boundary_of(&points, &cells);
+        let finer = Finer { points: &points, cells: &cells, boundary: &boundary };
+        let located = locate(finer, &coarse, &injection).unwrap();
         let (rows, outside) = weights(&points, &coarse, &located.places).unwrap();
         prop_assert!(located.lost.is_empty() && outside.is_empty());
         let view = rows.view();
@@ -103,7 +110,9 @@ proptest! {
         let (points, cells) = square(2 * k, &moves);
         let (coarse_points, coarse_cells, injection) = coarsened(k, &points);
         let coarse = HalfEdges::new(&coarse_points, &coarse_cells).unwrap();
-        let located = locate(&points, &cells, &coarse, &injection).unwrap();
+        let boundary = boundary_of(&points, &cells);
+        let finer = Finer { points: &points, cells: &cells, boundary: &boundary };
+        let located = locate(finer, &coarse, &injection).unwrap();
         let rows = overlap::areas(&points, &cells, &coarse, &located).unwrap();
         let mut covered = vec![0.0; coarse_cells.len()];
         for (i, cell) in cells.iter().enumerate() {

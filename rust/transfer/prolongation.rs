@@ -25,6 +25,17 @@ use crate::point::{NONE, Point, distance};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// A mesh whose nodes are looked for in a coarser one.
+#[derive(Clone, Copy)]
+pub struct Finer<'a> {
+    /// Nodes.
+    pub points: &'a [Point<2>],
+    /// Cells, counter-clockwise.
+    pub cells: &'a [[u32; 3]],
+    /// Edges of one cell, which is on their left.
+    pub boundary: &'a [[u32; 2]],
+}
+
 /// Where the nodes of a finer mesh lie.
 pub struct Located<'a> {
     /// By node of the finer mesh.
@@ -41,19 +52,14 @@ const GRAIN: usize = 512;
 /// Locates the nodes of a finer mesh in a coarser one; `injection` has the finer node of each coarse node, or `NONE`.
 ///
 /// Cells of both counter-clockwise. Runtime: O(n + m).
-pub fn locate<'a>(
-    points: &'a [Point<2>],
-    cells: &'a [[u32; 3]],
-    coarse: &'a HalfEdges<'a>,
-    injection: &[u32],
-) -> Result<Located<'a>, Error> {
+pub fn locate<'a>(finer: Finer<'a>, coarse: &'a HalfEdges<'a>, injection: &[u32]) -> Result<Located<'a>, Error> {
     if coarse.cells.is_empty() {
         return Err(Error::Argument("the coarse mesh has no cells".into()));
     }
-    let mut search = Search::new(points, cells, coarse, injection)?;
+    let mut search = Search::new(finer, coarse, injection)?;
     search.run()?;
     search.reconsider()?;
-    let lost = (0..points.len() as u32).filter(|&v| search.status[v as usize] & LOST != 0).collect();
+    let lost = (0..finer.points.len() as u32).filter(|&v| search.status[v as usize] & LOST != 0).collect();
     Ok(Located { places: search.places, lost, walls: search.walls })
 }
 
@@ -144,15 +150,14 @@ const NOWHERE: u64 = u64::MAX;
 
 impl<'a> Search<'a> {
     fn new(
-        points: &'a [Point<2>],
-        cells: &'a [[u32; 3]],
+        Finer { points, cells, boundary }: Finer<'a>,
         coarse: &'a HalfEdges<'a>,
         injection: &[u32],
     ) -> Result<Self, Error> {
         let mut places = vec![Place::UNKNOWN; points.len()];
-        let mut status = on_boundary(points.len(), cells);
-        let is_on = |v: u32| status.get(v as usize).is_some_and(|status| status & ON_BOUNDARY != 0);
-        let walls = Walls::new(points, cells, is_on, injection);
+        let mut status = vec![0; points.len()];
+        boundary.as_flattened().iter().for_each(|&v| status[v as usize] = ON_BOUNDARY);
+        let walls = Walls::new(points, boundary, injection);
         for (c, &v) in injection.iter().enumerate().filter(|&(_, &v)| v != NONE) {
             let (place, status) = match (places.get_mut(v as usize), status.get_mut(v as usize)) {
                 (Some(place), Some(status)) => (place, status),
@@ -200,26 +205,24 @@ impl<'a> Search<'a> {
 
     /// Tells every missing node the least neighbour to start from.
     fn spread(&mut self, start: Start) {
-        let missing = |cell: &[u32; 3]| cell.iter().any(|&v| self.status[v as usize] & FOUND == 0);
-        let open: Vec<u32> = match &self.open {
-            None => (0..self.cells.len() as u32)
-                .into_par_iter()
-                .with_min_len(4096)
-                .filter(|&c| missing(&self.cells[c as usize]))
-                .collect(),
-            Some(open) => {
-                open.par_iter().with_min_len(4096).copied().filter(|&c| missing(&self.cells[c as usize])).collect()
-            }
-        };
-        open.par_iter().with_min_len(4096).for_each(|&c| {
+        let stays_open = |&c: &u32| {
             let cell = self.cells[c as usize];
+            let is_missing = cell.map(|v| self.status[v as usize] & FOUND == 0);
+            if is_missing == [false; 3] {
+                return false;
+            }
             for &u in cell.iter().filter(|&&u| self.may_start(u, start)) {
                 let outside = u64::from(self.places[u as usize].is_outside());
-                for &v in cell.iter().filter(|&&v| self.status[v as usize] & FOUND == 0) {
+                for (&v, _) in cell.iter().zip(is_missing).filter(|&(_, is_missing)| is_missing) {
                     self.from[v as usize].fetch_min(outside << 32 | u64::from(u), Ordering::Relaxed);
                 }
             }
-        });
+            true
+        };
+        let open: Vec<u32> = match &self.open {
+            None => (0..self.cells.len() as u32).into_par_iter().with_min_len(4096).filter(stays_open).collect(),
+            Some(open) => open.par_iter().with_min_len(4096).copied().filter(stays_open).collect(),
+        };
         self.open = Some(open);
     }
 
@@ -294,25 +297,4 @@ impl<'a> Search<'a> {
         self.places[v] = anywhere(self.coarse, &self.points[v]);
         self.status[v] |= FOUND | if self.places[v].is_outside() { LOST } else { 0 };
     }
-}
-
-/// `ON_BOUNDARY` for the nodes on the boundary, 0 for others: around an inner node the cells' next and previous nodes
-/// are the same ones. They are compared by a sum of 64-bit hashes, so that one pass over the cells does.
-fn on_boundary(n: usize, cells: &[[u32; 3]]) -> Vec<u8> {
-    let sums: Vec<AtomicU64> = (0..n).map(|_| AtomicU64::new(0)).collect();
-    cells.par_iter().with_min_len(4096).for_each(|cell| {
-        let hashes = cell.map(|i| mixed(u64::from(i) + 1));
-        for k in 0..3 {
-            let change = hashes[(k + 1) % 3].wrapping_sub(hashes[(k + 2) % 3]);
-            sums[cell[k] as usize].fetch_add(change, Ordering::Relaxed);
-        }
-    });
-    sums.into_iter().map(|sum| if sum.into_inner() == 0 { 0 } else { ON_BOUNDARY }).collect()
-}
-
-/// A bijection of 64-bit numbers that looks random (the finalizer of MurmurHash3).
-fn mixed(mut x: u64) -> u64 {
-    x = (x ^ (x >> 33)).wrapping_mul(0xff51_afd7_ed55_8ccd);
-    x = (x ^ (x >> 33)).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
-    x ^ (x >> 33)
 }

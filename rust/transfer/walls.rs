@@ -13,7 +13,6 @@
 
 use super::halfedges::HalfEdges;
 use crate::point::{NONE, Point, orient};
-use rayon::prelude::*;
 
 /// The boundary edges of the finer mesh at each shared node.
 pub struct Walls<'a> {
@@ -33,25 +32,10 @@ struct End {
 }
 
 impl<'a> Walls<'a> {
-    /// Takes the edges of the finer mesh that no other cell has, between nodes that `on_boundary` says yes to.
-    /// Runtime: O(n + m), all but the boundary on all threads.
-    pub fn new(
-        points: &'a [Point<2>],
-        cells: &[[u32; 3]],
-        on_boundary: impl Fn(u32) -> bool + Sync,
-        injection: &[u32],
-    ) -> Self {
-        let ways = |cell: &[u32; 3]| [[cell[0], cell[1]], [cell[1], cell[2]], [cell[2], cell[0]]];
-        let mut edges: Vec<[u32; 2]> = cells
-            .par_iter()
-            .with_min_len(4096)
-            .flat_map_iter(|cell| ways(cell).into_iter().filter(|&[a, b]| on_boundary(a) && on_boundary(b)))
-            .collect();
-        edges.sort_unstable();
-        let walls: Vec<[u32; 2]> =
-            edges.iter().copied().filter(|&[a, b]| edges.binary_search(&[b, a]).is_err()).collect();
-        let mut at: Vec<(u32, End)> = Vec::with_capacity(2 * walls.len());
-        for [a, b] in walls {
+    /// Takes the boundary edges of the finer mesh, their cell on the left. Runtime: O(b log b + m).
+    pub fn new(points: &'a [Point<2>], boundary: &[[u32; 2]], injection: &[u32]) -> Self {
+        let mut at: Vec<(u32, End)> = Vec::with_capacity(2 * boundary.len());
+        for &[a, b] in boundary {
             at.push((a, End { node: b, comes_in: false }));
             at.push((b, End { node: a, comes_in: true }));
         }
@@ -59,7 +43,7 @@ impl<'a> Walls<'a> {
         let mut starts = vec![0];
         let mut ends = Vec::new();
         for &v in injection {
-            if v != NONE && on_boundary(v) {
+            if v != NONE {
                 let first = at.partition_point(|&(node, _)| node < v);
                 ends.extend(at[first..].iter().take_while(|&&(node, _)| node == v).map(|&(_, end)| end));
             }

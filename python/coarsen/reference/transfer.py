@@ -37,16 +37,14 @@ class _Coarse:
 
         self.walls: dict[int, list[tuple[int, Point, bool]]] = {}
 
-    def between(self, points: Floats, cells: Ints, injection: Ints) -> None:
+    def between(self, points: Floats, boundary: Ints, injection: Ints) -> None:
         """Note where a finer mesh ends at the nodes it shares: neighbour, its point, whether the edge comes in."""
-        edges = {(a, b) for cell in cells.tolist() for a, b in zip(cell, cell[1:] + cell[:1], strict=True)}
         place = {v: c for c, v in enumerate(injection.tolist()) if v >= 0}
-        for a, b in sorted(edges):
-            if (b, a) not in edges:
-                for v, other, comes_in in ((a, b, False), (b, a, True)):
-                    if v in place:
-                        x, y = points[other].tolist()
-                        self.walls.setdefault(place[v], []).append((other, (x, y), comes_in))
+        for a, b in boundary.tolist():
+            for v, other, comes_in in ((a, b, False), (b, a, True)):
+                if v in place:
+                    x, y = points[other].tolist()
+                    self.walls.setdefault(place[v], []).append((other, (x, y), comes_in))
 
     def part(self, node: int, to: int, v: Point, edge: tuple[int, int]) -> bool:
         """Whether the finer mesh ends on the way from the direction of its node to that of a boundary edge."""
@@ -261,17 +259,17 @@ def _off(mesh: _Coarse, place: Place, x: Point) -> float:
     return float(np.hypot(*(at - np.array(x))))
 
 
-def _located(points: Floats, cells: Ints, mesh: _Coarse, injection: Ints) -> tuple[list[Place], list[int]]:
+def _located(
+    points: Floats, cells: Ints, boundary: Ints, mesh: _Coarse, injection: Ints
+) -> tuple[list[Place], list[int]]:
     x: list[Point] = [(a, b) for a, b in points.tolist()]
     near: list[set[int]] = [set() for _ in x]
-    edges = set()
     for a, b, c in cells.tolist():
-        edges |= {(a, b), (b, c), (c, a)}
         near[a] |= {b, c}
         near[b] |= {c, a}
         near[c] |= {a, b}
-    mesh.between(points, cells, injection)
-    boundary = {i for a, b in edges if (b, a) not in edges for i in (a, b)}
+    mesh.between(points, boundary, injection)
+    on_boundary = set(boundary.ravel().tolist())
     place: dict[int, Place] = {}
     for c, v in enumerate(injection.tolist()):
         if v >= 0 and c in mesh.around:
@@ -282,7 +280,7 @@ def _located(points: Floats, cells: Ints, mesh: _Coarse, injection: Ints) -> tup
     def may_start(u: int, grade: int) -> bool:
         if u not in place:
             return False
-        if u not in boundary or grade == 2:
+        if u not in on_boundary or grade == 2:
             return True
         c, _, weights = place[u]
         tip = max(weights) == 1.0 and mesh.is_tip(mesh.cells[c][weights.index(1.0)])
@@ -326,11 +324,17 @@ def _located(points: Floats, cells: Ints, mesh: _Coarse, injection: Ints) -> tup
 
 
 def prolongation(
-    points: Floats, cells: Ints, coarse_points: Floats, coarse_cells: Ints, injection: Ints, _threads: int | None
+    points: Floats,
+    cells: Ints,
+    boundary: Ints,
+    coarse_points: Floats,
+    coarse_cells: Ints,
+    injection: Ints,
+    _threads: int | None,
 ) -> tuple[Rows, Ints, Floats, Ints]:
     """Interpolate a coarse mesh at the nodes of a finer one: rows, nodes outside, their distances, lost nodes."""
     mesh = _Coarse(coarse_points, coarse_cells)
-    places, lost = _located(points, cells, mesh, injection)
+    places, lost = _located(points, cells, boundary, mesh, injection)
     indptr, indices, values = [0], [], []
     outside, distances = [], []
     for v, place in enumerate(places):
@@ -367,11 +371,17 @@ def _common(one: Floats, other: Floats) -> float:
 
 
 def overlap(
-    points: Floats, cells: Ints, coarse_points: Floats, coarse_cells: Ints, injection: Ints, _threads: int | None
+    points: Floats,
+    cells: Ints,
+    boundary: Ints,
+    coarse_points: Floats,
+    coarse_cells: Ints,
+    injection: Ints,
+    _threads: int | None,
 ) -> Rows:
     """Return the areas that finer cells share with coarse cells, without crossing the coarse boundary."""
     mesh = _Coarse(coarse_points, coarse_cells)
-    places, _ = _located(points, cells, mesh, injection)
+    places, _ = _located(points, cells, boundary, mesh, injection)
     indptr, indices, values = [0], [], []
     for cell in cells.tolist():
         corners = points[cell]

@@ -48,6 +48,8 @@ class Located:
 def shared_nodes(hierarchy: Hierarchy, fine: int, coarse: int) -> NDArray[np.int64]:
     """Return, for each node of level `coarse`, its place among the nodes of level `fine`, or -1."""
     among, nodes = hierarchy[fine].nodes, hierarchy[coarse].nodes
+    if fine == 0:
+        return nodes
     place = np.minimum(np.searchsorted(among, nodes), len(among) - 1)
     return np.where(among[place] == nodes, place, -1)
 
@@ -73,7 +75,8 @@ def locate(hierarchy: Hierarchy, fine: int, coarse: int) -> Located:
 def pair_of(hierarchy: Hierarchy, fine: int, coarse: int) -> tuple[Any, ...]:
     """Return the arrays of two levels as the core takes them."""
     mesh, other = hierarchy[fine].mesh, hierarchy[coarse].mesh
-    return mesh.points, mesh.cells, other.points, other.cells, shared_nodes(hierarchy, fine, coarse)
+    shared = shared_nodes(hierarchy, fine, coarse)
+    return mesh.points, mesh.cells, mesh.boundary_facets, other.points, other.cells, shared
 
 
 def _locate_on_line(mesh: Mesh, coarse: Mesh, shared: NDArray[np.int64]) -> Located:
@@ -114,5 +117,6 @@ def coarse_nodes_in_fine(hierarchy: Hierarchy, fine: int, coarse: int) -> csr_ma
     if mesh.dim == 1:
         return _locate_on_line(other, mesh, back).matrix
     core = backend(hierarchy.options.backend)
-    rows, *_ = core.prolongation(other.points, other.cells, mesh.points, mesh.cells, back, hierarchy.options.threads)
+    pair = other.points, other.cells, other.boundary_facets, mesh.points, mesh.cells, back
+    rows, *_ = core.prolongation(*pair, hierarchy.options.threads)
     return csr(rows, mesh.n_points)
