@@ -23,7 +23,7 @@ use super::walls::Walls;
 use crate::error::Error;
 use crate::point::{NONE, Point, distance};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A mesh whose nodes are looked for in a coarser one.
 #[derive(Clone, Copy)]
@@ -56,6 +56,9 @@ pub fn locate<'a>(finer: Finer<'a>, coarse: &'a HalfEdges<'a>, injection: &[u32]
     if coarse.cells.is_empty() {
         return Err(Error::Argument("the coarse mesh has no cells".into()));
     }
+    if finer.points.len() > i32::MAX as usize {
+        return Err(Error::Argument(format!("{} nodes, expected fewer than 2**31", finer.points.len())));
+    }
     let mut search = Search::new(finer, coarse, injection)?;
     search.run()?;
     search.reconsider()?;
@@ -69,8 +72,9 @@ pub fn weights(
     coarse: &HalfEdges<'_>,
     places: &[Place],
 ) -> Result<(Rows, Vec<(u32, f64)>), Error> {
-    let counts = places.iter().map(|place| place.weights.iter().filter(|&&w| w > 0.0).count());
-    let indptr = Rows::starts(counts)?;
+    let count = |place: &Place| place.weights.iter().filter(|&&w| w > 0.0).count() as u8;
+    let counts: Vec<u8> = places.par_iter().map(count).collect();
+    let indptr = Rows::starts(counts.into_iter().map(usize::from))?;
     let entries = indptr[places.len()] as usize;
     let (mut indices, mut data) = (vec![0i32; entries], vec![0.0; entries]);
     let mut chunks = Vec::new();
@@ -102,12 +106,12 @@ pub fn weights(
             }
         }
     });
-    let outside = (0..places.len() as u32).filter(|&v| places[v as usize].is_outside());
+    let outside = (0..places.len() as u32).into_par_iter().filter(|&v| places[v as usize].is_outside());
     let outside = outside.map(|v| (v, distance(&points[v as usize], &point_of(coarse, &places[v as usize])))).collect();
     Ok((Rows { columns: coarse.points.len(), indptr, indices, data }, outside))
 }
 
-/// Rows that one thread writes at a time.
+/// Rows or places that one thread writes at a time.
 const CHUNK: usize = 1 << 14;
 
 /// The point of the coarse mesh that stands for a place.
@@ -119,6 +123,7 @@ fn point_of(coarse: &HalfEdges<'_>, place: &Place) -> Point<2> {
 const FOUND: u8 = 1;
 const ON_BOUNDARY: u8 = 2;
 const LOST: u8 = 4;
+const OUTSIDE: u8 = 8;
 
 /// Which neighbours a walk may start from.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -136,7 +141,7 @@ struct Search<'a> {
     places: Vec<Place>,
     status: Vec<u8>,
     /// Start of the walk to a node, least first: whether it lies outside, then its index.
-    from: Vec<AtomicU64>,
+    from: Vec<AtomicU32>,
     /// Cells that have a node that is not found, but at the beginning, when all are looked at.
     open: Option<Vec<u32>>,
     /// Nodes that are not found, ascending.
@@ -146,7 +151,10 @@ struct Search<'a> {
 /// How often nodes outside are looked at again at most.
 const MOST_LOOKS: usize = 8;
 
-const NOWHERE: u64 = u64::MAX;
+const NOWHERE: u32 = u32::MAX;
+
+/// Marks starts that lie outside.
+const FROM_OUTSIDE: u32 = 1 << 31;
 
 impl<'a> Search<'a> {
     fn new(
@@ -168,8 +176,8 @@ impl<'a> Search<'a> {
                 *status |= FOUND;
             }
         }
-        let missing = (0..points.len() as u32).filter(|&v| status[v as usize] & FOUND == 0).collect();
-        let from = (0..points.len()).map(|_| AtomicU64::new(NOWHERE)).collect();
+        let missing = (0..points.len() as u32).into_par_iter().filter(|&v| status[v as usize] & FOUND == 0).collect();
+        let from = (0..points.len()).map(|_| AtomicU32::new(NOWHERE)).collect();
         Ok(Self { points, cells, coarse, walls, places, status, from, open: None, missing })
     }
 
@@ -212,9 +220,12 @@ impl<'a> Search<'a> {
                 return false;
             }
             for &u in cell.iter().filter(|&&u| self.may_start(u, start)) {
-                let outside = u64::from(self.places[u as usize].is_outside());
+                let key = if self.status[u as usize] & OUTSIDE == 0 { u } else { FROM_OUTSIDE | u };
                 for (&v, _) in cell.iter().zip(is_missing).filter(|&(_, is_missing)| is_missing) {
-                    self.from[v as usize].fetch_min(outside << 32 | u64::from(u), Ordering::Relaxed);
+                    // half of the edges come twice
+                    if key < self.from[v as usize].load(Ordering::Relaxed) {
+                        self.from[v as usize].fetch_min(key, Ordering::Relaxed);
+                    }
                 }
             }
             true
@@ -229,19 +240,26 @@ impl<'a> Search<'a> {
     /// Walks to all nodes that know where to start; returns whether there were any.
     fn round(&mut self) -> Result<bool, Error> {
         let from = |v: u32| self.from[v as usize].load(Ordering::Relaxed);
-        let known: Vec<u32> = self.missing.iter().copied().filter(|&v| from(v) != NOWHERE).collect();
+        let (known, missing): (Vec<u32>, Vec<u32>) =
+            self.missing.par_iter().with_min_len(GRAIN).partition(|&&v| from(v) != NOWHERE);
         let locate = |&v: &u32| {
-            let u = from(v) as u32 as usize;
-            walk(self.coarse, &self.walls, &self.points[u], &self.places[u], v, &self.points[v as usize])
+            let u = (from(v) & !FROM_OUTSIDE) as usize;
+            let place = walk(self.coarse, &self.walls, &self.points[u], &self.places[u], v, &self.points[v as usize])?;
+            let marks = if place.is_outside() { OUTSIDE | self.status[u] & LOST } else { 0 };
+            Ok((place, FOUND | marks))
         };
-        let found: Vec<Place> = known.par_iter().with_min_len(GRAIN).map(locate).collect::<Result<_, _>>()?;
-        for (&v, place) in known.iter().zip(found) {
-            let u = self.from[v as usize].load(Ordering::Relaxed) as u32 as usize;
-            let lost = if place.is_outside() { self.status[u] & LOST } else { 0 };
-            self.places[v as usize] = place;
-            self.status[v as usize] |= FOUND | lost;
-        }
-        self.missing.retain(|&v| self.status[v as usize] & FOUND == 0);
+        let found = known.par_iter().with_min_len(GRAIN).map(locate).collect::<Result<Vec<_>, Error>>()?;
+        let chunks = self.places.par_chunks_mut(CHUNK).zip(self.status.par_chunks_mut(CHUNK));
+        chunks.enumerate().for_each(|(chunk, (places, status))| {
+            let begin = |chunk: usize| known.partition_point(|&v| (v as usize) < chunk * CHUNK);
+            let own = begin(chunk)..begin(chunk + 1);
+            for (&v, &(place, marks)) in known[own.clone()].iter().zip(&found[own]) {
+                let at = v as usize - chunk * CHUNK;
+                places[at] = place;
+                status[at] |= marks;
+            }
+        });
+        self.missing = missing;
         Ok(!known.is_empty())
     }
 
@@ -295,6 +313,6 @@ impl<'a> Search<'a> {
     fn seed(&mut self) {
         let v = self.missing.remove(0) as usize;
         self.places[v] = anywhere(self.coarse, &self.points[v]);
-        self.status[v] |= FOUND | if self.places[v].is_outside() { LOST } else { 0 };
+        self.status[v] |= FOUND | if self.places[v].is_outside() { OUTSIDE | LOST } else { 0 };
     }
 }
