@@ -170,8 +170,10 @@ fn segment_distance(x: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     // from the nearer end, or rounding hides what is small against the segment
     let (a, b) = if distance(x, a) <= distance(x, b) { (a, b) } else { (b, a) };
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let t = (((x[0] - a[0]) * dx + (x[1] - a[1]) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
-    distance(x, [a[0] + t * dx, a[1] + t * dy])
+    let p = [x[0] - a[0], x[1] - a[1]];
+    let t = ((p[0] * dx + p[1] * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
+    // relative to that end: far from the origin coordinates are rounded more than differences
+    distance(p, [t * dx, t * dy])
 }
 
 /// Independence (Definition 3.5) and distance to the facets of the interior nodes that are new on this level, spacing
