@@ -38,6 +38,8 @@ pub enum Broken {
     TooMany { array: &'static str, rows: usize },
     /// A coordinate is NaN, infinite, or so large that products of coordinates overflow.
     Coordinate { point: usize, at: Vec<f64>, more: usize },
+    /// All coordinates are so small that products of them vanish; the point has the largest.
+    Tiny { point: usize, at: Vec<f64> },
     /// An index under 0 or over n - 1.
     IndexOutOfRange {
         array: &'static str,
@@ -77,6 +79,7 @@ impl Broken {
             Broken::Empty => ("no cells", "cells", None, 0),
             Broken::TooMany { array, .. } => ("too many rows", array, None, 0),
             Broken::Coordinate { point, more, .. } => ("non-finite coordinate", "points", Some(*point), *more),
+            Broken::Tiny { point, .. } => ("coordinates too small", "points", Some(*point), 0),
             Broken::IndexOutOfRange { array, row, more, .. } => ("index out of range", array, Some(*row), *more),
             Broken::RepeatedNode { cell, more, .. } => ("repeated node", "cells", Some(*cell), *more),
             Broken::ZeroArea { cell, more, .. } => ("zero area", "cells", Some(*cell), *more),
@@ -113,6 +116,13 @@ impl fmt::Display for Broken {
             }
             Broken::Coordinate { point, at, .. } => {
                 write!(out, "'points' row {point} is {at:?}, expected finite numbers under 1e150")?;
+                ""
+            }
+            Broken::Tiny { point, at } => {
+                write!(
+                    out,
+                    "'points' row {point} is {at:?}, the largest of all, expected one over 1e-140; scale the mesh"
+                )?;
                 ""
             }
             Broken::IndexOutOfRange { array, row, column, value, n, one_based, .. } => {

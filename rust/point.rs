@@ -49,7 +49,22 @@ fn orient_magnified(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
 /// Positive where `d` lies inside the circle through the triangle `a`, `b`, `c` that turns left, 0 on it; its sign exact.
 #[inline(always)]
 pub fn in_circle(a: &Point<2>, b: &Point<2>, c: &Point<2>, d: &Point<2>) -> f64 {
-    robust::incircle(coord(a), coord(b), coord(c), coord(d))
+    let inside = robust::incircle(coord(a), coord(b), coord(c), coord(d));
+    if inside.abs() > VANISHING && inside.is_finite() { inside } else { in_circle_scaled([a, b, c, d]) }
+}
+
+/// Determinants under this may be what is left of products that vanished.
+const VANISHING: f64 = 1e-290;
+
+/// [`in_circle`] where products may have vanished or overflowed: with the largest coordinate near 2^200.
+#[cold]
+fn in_circle_scaled(corners: [&Point<2>; 4]) -> f64 {
+    const MIDDLE: i32 = 200;
+    let most = corners.into_iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let exponent = (most.to_bits() >> 52) as i32 - 1023;
+    let factor = f64::from_bits(((1023 + (MIDDLE - exponent).clamp(-1022, 1023)) as u64) << 52);
+    let [a, b, c, d] = corners.map(|p| coord(&p.map(|x| x * factor)));
+    robust::incircle(a, b, c, d)
 }
 
 /// Whether the last of four points on one circle counts as inside that of the others, which turn left: as if the lifting of

@@ -75,8 +75,8 @@ def broken_rules(points, cells):
         for node in {v for edge in outer for v in edge}:
             p, q, x = points[a], points[b], points[node]
             between = min(p, q) < x < max(p, q) and turn(p, q, x) == 0
-            if between and part[node] == part[a]:
-                rules.add("hanging node")
+            if between:
+                rules.add("hanging node" if part[node] == part[a] else "touch of parts")
     return rules
 
 

@@ -126,6 +126,7 @@ def test_arrays_of_any_real_dtype_order_and_nesting_make_the_same_mesh(convert):
         (np.ma.masked_array(SQUARE, SQUARE > 0), HALVES, ["'points'", "masked"]),
         (np.zeros((0, 2)), np.zeros((0, 3), int), ["no cells"]),
         (SQUARE * 1e200, HALVES, ["'points' row 1", "1e150"]),
+        (SQUARE * 1e-150, HALVES, ["coordinates too small", "'points' row 1 is [1e-150, ", "1e-140"]),
     ],
 )
 def test_wrong_shapes_and_dtypes_are_refused_with_the_arrays_name(points, cells, words):
@@ -354,7 +355,14 @@ def test_parts_that_touch_are_legal():
     points, cells = lattice(2, 2)
     for offset in ([2.0, 0.0], [2.0, 0.5], [2.0, 2.0], [3.0, 0.0], [2.0, -1.25]):
         mesh = Mesh(np.vstack([points, points + offset]), np.vstack([cells, cells + len(points)]))
-        assert mesh.topology.layer is None, offset
+        # an edge can't be kept in one triangulation with a node on it
+        assert (mesh.topology.layer is None) == (offset[1] % 1 == 0), offset
+        for features in ("keep", "plain", "drop", "auto"):
+            levels = coarsen.hierarchy(mesh, features=features, coarsest=1)
+            assert all(np.isclose(level.quality.area, 8) for level in levels if features in {"keep", "plain"})
+            for backend in ("rust", "numpy"):
+                one = coarsen.hierarchy(mesh, features=features, coarsest=1, backend=backend)
+                assert [level.nodes.tolist() for level in one] == [level.nodes.tolist() for level in levels]
 
 
 def test_a_part_inside_a_hole_of_another_is_legal():
@@ -595,7 +603,7 @@ def assert_check_agrees_with_brute_force(points, cells):
     if mesh is None:
         assert ALLOWED[error.rule] & rules, (str(error), rules)
     else:
-        assert rules <= {"overlap of parts"}, rules
+        assert rules <= {"overlap of parts", "touch of parts"}, rules
         assert (mesh.topology.layer is not None) == bool(rules)
 
 

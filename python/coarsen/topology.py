@@ -31,8 +31,8 @@ class Topology:
     n_boundary : int
         How many of them are of the boundary.
     layer : (n,) int64 array or None
-        Parts that overlap another one shallowly, as the two sides of a sliding interface do, have different layers;
-        None where all is one layer (nearly always).
+        Parts that overlap another one shallowly, as the two sides of a sliding interface do, or that touch another one
+        where nodes do not match, have different layers; None where all is one layer (nearly always).
     """
 
     flip: NDArray[np.int64]

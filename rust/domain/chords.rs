@@ -20,6 +20,7 @@ use super::{Domain, segment_distance_2, segments_cross};
 use crate::point::{Point, orient};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
+use std::f64::consts::TAU;
 
 /// A chord of a chain, from one kept position to the next; positions of closed chains run on past the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +41,12 @@ pub struct Chord {
 
 /// Tangent of the angle (20 degrees) under which two chords may meet inside the domain only where the chains do.
 const NARROW: f64 = 0.363_970_234_266_202_4;
+
+/// With more chord ends at a vertex, neighbours are found by sorting.
+const FEW: usize = 8;
+
+/// Directions that differ by less may be in either order, in radians.
+const LEVEL: f64 = 1e-13;
 
 type Boxed = GeomWithData<Rectangle<Point<2>>, u32>;
 
@@ -203,8 +210,12 @@ impl Domain {
         }
         ends.sort_unstable();
         let mut bad = Vec::new();
-        for around in ends.chunk_by(|a, b| a.0 == b.0) {
-            for one in around {
+        for around in ends.chunk_by_mut(|a, b| a.0 == b.0) {
+            if around.len() > FEW {
+                self.narrow_among_many(chords, around, &mut bad);
+                continue;
+            }
+            for one in &*around {
                 for two in around.iter().filter(|two| *two != one) {
                     bad.extend(self.narrower(chords, *one, *two, around));
                 }
@@ -213,6 +224,30 @@ impl Domain {
         bad.sort_unstable();
         bad.dedup();
         bad
+    }
+
+    /// The same at a vertex of many chords: only those of about the same direction as one, or as the next, can be next to it.
+    fn narrow_among_many(&self, chords: &[Chord], around: &mut [(u32, u32, bool)], bad: &mut Vec<u32>) {
+        let p = self.points[around[0].0 as usize];
+        let direction = |&(_, c, ends): &(u32, u32, bool)| {
+            let q = self.points[chords[c as usize].vertices[usize::from(!ends)] as usize];
+            (q[1] - p[1]).atan2(q[0] - p[0])
+        };
+        around.sort_by(|a, b| direction(a).total_cmp(&direction(b)));
+        let directions: Vec<f64> = around.iter().map(direction).collect();
+        let n = around.len();
+        let turn = |from: usize, to: usize| (directions[to % n] - directions[from]).rem_euclid(TAU);
+        for i in 0..n {
+            let is_level = |k: usize| turn(i, k) < LEVEL || turn(i, k) > TAU - LEVEL;
+            let behind = (1..n).take_while(|&back| is_level(i + n - back)).count();
+            let next = (i + 1..i + n).find(|&k| !is_level(k)).unwrap_or(i + n);
+            let last = (next..i + n).take_while(|&k| turn(i, k) - turn(i, next) < LEVEL).last().unwrap_or(next);
+            let near: Vec<(u32, u32, bool)> =
+                (n - behind..=n + last - i).take(n).map(|k| around[(i + k) % n]).collect();
+            for two in near.iter().filter(|two| **two != around[i]) {
+                bad.extend(self.narrower(chords, around[i], *two, &near));
+            }
+        }
     }
 
     /// The chord to split where `two` is next to `one` counter-clockwise, cells lie between them, and the angle is narrow.

@@ -12,6 +12,9 @@ const CHUNK: usize = 1 << 14;
 /// Coordinates over this are refused: products of two of them must stay finite.
 const LARGEST: f64 = 1e150;
 
+/// A mesh whose largest coordinate is under this is refused: products of two differences must not vanish.
+const LEAST: f64 = 1e-140;
+
 /// The first place where a rule is broken, and how many there are.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Found {
@@ -44,7 +47,7 @@ impl Found {
     }
 }
 
-/// Refuses coordinates that are not finite, or too large to compute with.
+/// Refuses coordinates that are not finite, or too large or small to compute with.
 pub fn refuse_coordinates<const D: usize>(points: &[Point<D>]) -> Result<(), Broken> {
     points
         .par_chunks(CHUNK)
@@ -60,7 +63,16 @@ pub fn refuse_coordinates<const D: usize>(points: &[Point<D>]) -> Result<(), Bro
             found
         })
         .reduce(Found::default, Found::merged)
-        .refuse(|point, more| Broken::Coordinate { point, at: points[point].to_vec(), more })
+        .refuse(|point, more| Broken::Coordinate { point, at: points[point].to_vec(), more })?;
+    let sizes = || points.iter().map(|p| p.iter().fold(0.0, |most: f64, x| most.max(x.abs())));
+    let is_small = |size: f64| size < LEAST;
+    if sizes().all(is_small)
+        && let Some((point, size)) = sizes().enumerate().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
+        && size > 0.0
+    {
+        return Err(Broken::Tiny { point, at: points[point].to_vec() });
+    }
+    Ok(())
 }
 
 /// Refuses indices out of range, in rows of any array.

@@ -4,7 +4,8 @@
 //! First all parts are looked at as one, which settles nearly every mesh. Where something is found, parts are told apart (cells
 //! that nodes join), each must be right alone, and two of them may overlap as long as no boundary node of the one, no middle
 //! of the piece of an edge inside the other, and no centroid of a cell at such an edge lies deeper in the other than a
-//! twentieth of that edge. Such parts get different *layers*, by greedy colouring.
+//! twentieth of that edge. Such parts get different *layers*, by greedy colouring, and so do parts of which one has a node on an edge of
+//! the other.
 
 use super::Facet;
 use super::around::{Around, Sets, Suspect};
@@ -18,7 +19,8 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Depth allowed, in lengths of the edge.
 const SHALLOW: f64 = 0.05;
 
-/// Refuses cells that overlap and nodes that hang; returns a layer for each node where parts overlap shallowly.
+/// Refuses cells that overlap and nodes that hang; returns a layer for each node where parts overlap shallowly or touch at a node
+/// that only one of them has.
 pub fn layers(points: &[Point<2>], cells: &[[u32; 3]], boundary: &[Facet<2>]) -> Result<Option<Vec<u32>>, Broken> {
     let Err(broken) = examine(points, cells, boundary, None) else {
         return Ok(None);
@@ -80,7 +82,8 @@ fn colours(n_parts: usize, pairs: &BTreeSet<[u32; 2]>) -> Vec<u32> {
     colour
 }
 
-/// Looks at the boundary, as one part or as several; returns the pairs of parts that overlap shallowly.
+/// Looks at the boundary, as one part or as several; returns the pairs of parts that overlap shallowly, or of which one has a
+/// node on an edge of the other.
 fn examine(
     points: &[Point<2>],
     cells: &[[u32; 3]],
@@ -110,7 +113,12 @@ fn examine(
     for suspect in around.alternate(points, cells)?.into_iter().chain(around.grounded(cells)?) {
         cuts.entry(suspect).or_default();
     }
-    let mut pairs = BTreeSet::new();
+    // no triangulation could keep an edge that a node of another part lies on
+    let touching = contacts.iter().filter_map(|contact| match *contact {
+        Contact::Touch { of, inside, .. } => Some([part_of(of), part_of(inside)]),
+        Contact::Cross(..) => None,
+    });
+    let mut pairs: BTreeSet<[u32; 2]> = touching.filter(|[a, b]| a != b).map(|[a, b]| [a.min(b), a.max(b)]).collect();
     for ((segment, other), cuts) in cuts {
         refuse_deep(&outline, points, cells, (segment, other), cuts)?;
         let part = part_of(segment);

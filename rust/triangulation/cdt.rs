@@ -9,8 +9,11 @@ use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
 
 type Cdt = ConstrainedDelaunayTriangulation<Point2<f64>>;
 
-/// Smallest magnitude that spade takes; what is nearer to zero is taken for zero.
-const TINY: f64 = spade::MIN_ALLOWED_VALUE;
+/// Smallest magnitude that spade takes but for zero.
+const LEAST: f64 = spade::MIN_ALLOWED_VALUE;
+
+/// Exponent of the largest power of two that spade takes.
+const MOST_EXPONENT: i32 = 200;
 
 /// Cells that one thread writes in one go.
 const GRAIN: usize = 4096;
@@ -46,8 +49,10 @@ pub(super) fn triangulated(
 /// Inserts the points in their order.
 fn insert_all(points: &[Point<2>], name: impl Fn(usize) -> u32) -> Result<Cdt, Error> {
     let mut cdt = Cdt::with_capacity(points.len(), points.len() * 3, points.len() * 2);
+    let scale = scale(points);
     for (i, p) in points.iter().enumerate() {
-        let [x, y] = p.map(|c| if c.abs() < TINY { 0.0 } else { c });
+        // what vanishes beside the largest coordinate is taken for zero
+        let [x, y] = p.map(|c| c * scale).map(|c| if c.abs() < LEAST { 0.0 } else { c });
         let handle =
             cdt.insert(Point2::new(x, y)).map_err(|e| Error::Argument(format!("point {} at {p:?}: {e}", name(i))))?;
         if handle.index() != i {
@@ -55,6 +60,23 @@ fn insert_all(points: &[Point<2>], name: impl Fn(usize) -> u32) -> Result<Cdt, E
         }
     }
     Ok(cdt)
+}
+
+/// A power of two that brings all coordinates into the range of spade: 1 where they are, or else one that brings the largest to
+/// its upper end. No sign of a determinant changes by it.
+fn scale(points: &[Point<2>]) -> f64 {
+    let sizes = || points.iter().flatten().map(|c| c.abs());
+    let most = sizes().fold(0.0, f64::max);
+    let is_small = |c: f64| c > 0.0 && c < LEAST;
+    if most < power_of_two(MOST_EXPONENT) && !sizes().any(is_small) {
+        return 1.0;
+    }
+    let exponent = (most.to_bits() >> 52) as i32 - 1023;
+    power_of_two((MOST_EXPONENT - 1 - exponent).clamp(-1022, 1023))
+}
+
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((1023 + exponent) as u64) << 52)
 }
 
 fn vertex(i: u32) -> FixedVertexHandle {
