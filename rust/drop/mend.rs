@@ -93,7 +93,8 @@ impl Trimmed {
     /// around the site are in several sectors.
     fn star(&self, t: usize, k: usize) -> Option<(Vec<usize>, Vec<u32>)> {
         let s = self.cells.cells[t][k];
-        let star = self.sector(t, s);
+        // a star of as many cells has as many corners at least; nodes of thousands of slivers are asked by each of them
+        let star = self.sector_within(t, s, MOST_CORNERS)?;
         let in_all = self.around(t, s).filter(|&t| self.label[t].is_some()).count();
         if in_all != star.len() {
             return None;

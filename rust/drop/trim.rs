@@ -229,22 +229,33 @@ impl Trimmed {
 
     /// The cells of the level around a site that are met from one of them without crossing rim or slit, counter-clockwise.
     pub fn sector(&self, t: usize, s: u32) -> Vec<usize> {
-        let mut first = t;
+        self.sector_within(t, s, usize::MAX).unwrap_or_default()
+    }
+
+    /// The same, `None` where there are more than `most` cells.
+    pub fn sector_within(&self, t: usize, s: u32, most: usize) -> Option<Vec<usize>> {
+        let (mut first, mut count) = (t, 1);
         loop {
             let next = self.across(first, self.corner(first, s));
             if next == NONE || next as usize == t {
                 break;
             }
-            first = next as usize;
+            (first, count) = (next as usize, count + 1);
+            if count > most {
+                return None;
+            }
         }
         let mut sector = vec![first];
         loop {
             let last = sector[sector.len() - 1];
             let next = self.across(last, (self.corner(last, s) + 2) % 3);
             if next == NONE || next as usize == first {
-                return sector;
+                return Some(sector);
             }
             sector.push(next as usize);
+            if sector.len() > most {
+                return None;
+            }
         }
     }
 
