@@ -1,4 +1,4 @@
-"""A mesh scaled by a power of two, which rounds nothing, has the same levels, beyond what the triangulator takes too."""
+"""A mesh scaled by a power of two, which rounds nothing, has the same levels, at sizes no triangulator takes too."""
 
 from __future__ import annotations
 
