@@ -10,6 +10,7 @@ pub mod progress;
 
 pub mod kdtree;
 pub mod mesh;
+pub mod segments;
 pub mod triangulation;
 
 pub mod domain;

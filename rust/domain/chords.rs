@@ -18,6 +18,7 @@
 
 use super::{Domain, segment_distance_2, segments_cross};
 use crate::point::{Point, orient};
+use crate::segments::Segments;
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use std::f64::consts::TAU;
@@ -156,22 +157,22 @@ impl Domain {
     ) -> Vec<u32> {
         let mut bad = vec![false; chords.len()];
         let splits = |i: u32| chords[i as usize].to > chords[i as usize].from + 1 && fresh(i);
-        let segments: Vec<Boxed> = (0..chords.len()).map(|i| self.box_of(chords[i].vertices, i as u32)).collect();
-        let tree = RTree::bulk_load(segments);
+        let ends: Vec<[Point<2>; 2]> =
+            chords.iter().map(|chord| chord.vertices.map(|v| self.points[v as usize])).collect();
+        let tree = Segments::new(&ends);
         for i in 0..chords.len() as u32 {
-            let [a, b] = chords[i as usize].vertices;
             if !splits(i) {
                 continue;
             }
-            for other in tree.locate_in_envelope_intersecting(self.envelope(&[a, b])) {
-                let j = other.data;
+            let [a, b] = &ends[i as usize];
+            tree.meeting(a, b, |j| {
                 // a pair of chords that both split is met twice
                 if j == i || (j < i && splits(j)) || !self.cross(&chords[i as usize], &chords[j as usize]) {
-                    continue;
+                    return;
                 }
                 let later = splits(j) && chords[j as usize].deviation_2 > chords[i as usize].deviation_2;
                 bad[if later { j } else { i } as usize] = true;
-            }
+            });
         }
         let regions: Vec<Boxed> = (0..chords.len() as u32)
             .filter(|&i| splits(i) && chords[i as usize].deviation_2 > 0.0 && !bad[i as usize])
@@ -386,11 +387,6 @@ impl Domain {
 
     fn envelope(&self, vertices: &[u32]) -> AABB<Point<2>> {
         AABB::from_points(vertices.iter().map(|&v| &self.points[v as usize]))
-    }
-
-    fn box_of(&self, vertices: [u32; 2], label: u32) -> Boxed {
-        let [a, b] = vertices.map(|v| self.points[v as usize]);
-        GeomWithData::new(Rectangle::from_corners(a, b), label)
     }
 }
 

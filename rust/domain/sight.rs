@@ -6,15 +6,14 @@
 
 use super::{Domain, FacetEdge};
 use crate::point::{Point, orient};
-use rstar::primitives::{GeomWithData, Rectangle};
-use rstar::{AABB, RTree};
+use crate::segments::Segments;
 
 /// The facet edges of a domain, to be looked across.
 pub struct Sight<'a> {
     domain: &'a Domain,
     /// Facet edges, each with its chain.
     edges: Vec<(u32, FacetEdge)>,
-    tree: RTree<GeomWithData<Rectangle<Point<2>>, u32>>,
+    tree: Segments,
 }
 
 impl<'a> Sight<'a> {
@@ -26,30 +25,31 @@ impl<'a> Sight<'a> {
             .zip(0..)
             .flat_map(|(chain, c)| chain.edges.iter().map(move |&edge| (c, edge)))
             .collect();
-        let boxes = edges.iter().zip(0u32..).map(|((_, edge), e)| {
-            let [a, b] = edge.vertices.map(|v| domain.points[v as usize]);
-            GeomWithData::new(Rectangle::from_corners(a, b), e)
-        });
-        Sight { domain, tree: RTree::bulk_load(boxes.collect()), edges }
+        let ends: Vec<[Point<2>; 2]> =
+            edges.iter().map(|(_, edge)| edge.vertices.map(|v| domain.points[v as usize])).collect();
+        Sight { domain, tree: Segments::new(&ends), edges }
     }
 
     /// Tag of the cell at `x`, `None` outside, seen from a point `eye` inside a cell of the given tag. Chains that are gone
     /// are not seen.
     pub fn look(&self, eye: &Point<2>, tag: i64, x: &Point<2>, is_gone: impl Fn(u32) -> bool) -> Option<i64> {
-        let (mut is_inside, mut latest, mut seen) = (true, 0.0, tag);
-        for item in self.tree.locate_in_envelope_intersecting(AABB::from_corners(*eye, *x)) {
-            let (chain, edge) = &self.edges[item.data as usize];
-            if is_gone(*chain) {
-                continue;
-            }
+        let mut crossed = Vec::new();
+        self.tree.meeting(eye, x, |e| {
+            let (chain, edge) = &self.edges[e as usize];
             let [a, b] = edge.vertices.map(|v| &self.domain.points[v as usize]);
-            if (orient(eye, x, a) >= 0.0) == (orient(eye, x, b) >= 0.0) {
-                continue;
+            if is_gone(*chain) || (orient(eye, x, a) >= 0.0) == (orient(eye, x, b) >= 0.0) {
+                return;
             }
             let (from, to) = (orient(a, b, eye), orient(a, b, x));
-            if (from > 0.0) == (to > 0.0) {
-                continue;
+            if (from > 0.0) != (to > 0.0) {
+                crossed.push((e, from, to));
             }
+        });
+        // edges that are crossed at one time: the last counts
+        crossed.sort_unstable_by_key(|one| one.0);
+        let (mut is_inside, mut latest, mut seen) = (true, 0.0, tag);
+        for (e, from, to) in crossed {
+            let edge = &self.edges[e as usize].1;
             let [left, right] = edge.sides;
             is_inside ^= edge.is_outer();
             let side = if to > 0.0 { left } else { right };

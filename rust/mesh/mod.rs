@@ -9,7 +9,6 @@
 //! A mesh of the line is checked by [`line`].
 
 pub mod around;
-pub mod boxes;
 pub mod cells;
 pub mod edges;
 pub mod line;

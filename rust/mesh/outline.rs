@@ -8,10 +8,9 @@
 //! stays two segments.
 
 use super::Facet;
-use super::boxes::{Boxes, meet};
 use crate::error::Broken;
-use crate::kdtree::Bounds;
 use crate::point::{NONE, Point, orient};
+use crate::segments::Segments;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::HashMap;
@@ -58,7 +57,9 @@ pub struct Outline<'a> {
     /// All segments.
     pub segments: Vec<Segment>,
     /// Tree of the segments.
-    pub tree: Boxes,
+    pub tree: Segments,
+    /// Least y of the places.
+    floor: f64,
 }
 
 /// Order by y, then x: the first of some points is one that nothing lies below.
@@ -119,8 +120,10 @@ impl<'a> Outline<'a> {
             refuse_soup(points, boundary, &doubled)?;
         }
         let at = |place: u32| places[place as usize];
-        let tree = Boxes::new(segments.iter().map(|s: &Segment| [at(s.tail), at(s.head)]));
-        Ok(Outline { boundary, places, segments, tree })
+        let ends: Vec<[Point<2>; 2]> = segments.iter().map(|s: &Segment| [at(s.tail), at(s.head)]).collect();
+        let tree = Segments::new(&ends);
+        let floor = places.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+        Ok(Outline { boundary, places, segments, tree, floor })
     }
 
     /// Coordinates of both ends.
@@ -155,14 +158,9 @@ impl<'a> Outline<'a> {
 
     /// Contacts of the segment at a position of the tree with those after it.
     pub fn contacts_at(&self, position: usize, found: &mut Vec<Contact>) {
-        let bounds: &Bounds<2> = self.tree.bounds(position);
-        let s = self.tree.order[position];
-        let wanted = |other: &Bounds<2>| meet(bounds, other);
-        self.tree.visit(wanted, |other| {
-            if other > position {
-                self.contact(s, self.tree.order[other], found);
-            }
-        });
+        let s = self.tree.order()[position];
+        let [a, b] = self.ends(s);
+        self.tree.meeting_from(position + 1, &a, &b, |other| self.contact(s, other, found));
     }
 
     fn contact(&self, i: u32, j: u32, found: &mut Vec<Contact>) {
@@ -211,12 +209,11 @@ impl<'a> Outline<'a> {
 
     /// Calls `cross(part, sign)` for every segment below `x`: 1 where its cells lie above it, -1 where below.
     fn ascend(&self, x: &Point<2>, mut cross: impl FnMut(u32, i32)) {
-        let wanted = |bounds: &Bounds<2>| bounds.lo[0] <= x[0] && x[0] < bounds.hi[0] && bounds.lo[1] <= x[1];
-        self.tree.visit(wanted, |position| {
-            let s = self.tree.order[position];
+        let ground = [x[0], self.floor.min(x[1])];
+        self.tree.meeting(&ground, x, |s| {
             let [tail, head] = self.ends(s);
             let (left, right, sign) = if tail[0] < head[0] { (tail, head, 1) } else { (head, tail, -1) };
-            if orient(&left, &right, x) > 0.0 {
+            if left[0] <= x[0] && x[0] < right[0] && orient(&left, &right, x) > 0.0 {
                 cross(self.segments[s as usize].part, sign);
             }
         });

@@ -11,7 +11,6 @@ use super::Facet;
 use super::around::{Around, Sets, Suspect};
 use super::outline::{Contact, Outline, SOUP, coincident, lower};
 use crate::error::Broken;
-use crate::kdtree::Bounds;
 use crate::point::{NONE, Point, distance, distance_2, orient};
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -221,19 +220,15 @@ fn refuse_deep(
 /// Distance from `x` to the boundary of a part; anything over `enough` where it is farther than that.
 fn distance_to(outline: &Outline<'_>, x: &Point<2>, part: u32, enough: f64) -> f64 {
     let mut nearest = f64::INFINITY;
-    outline.tree.visit(
-        |bounds: &Bounds<2>| bounds.distance_2(x) <= enough * enough,
-        |position| {
-            let s = outline.tree.order[position];
-            if outline.segments[s as usize].part == part {
-                let [a, b] = outline.ends(s);
-                let along = [b[0] - a[0], b[1] - a[1]];
-                let dot = (x[0] - a[0]) * along[0] + (x[1] - a[1]) * along[1];
-                let t = (dot / distance_2(&a, &b)).clamp(0.0, 1.0);
-                nearest = nearest.min(distance(x, &[a[0] + t * along[0], a[1] + t * along[1]]));
-            }
-        },
-    );
+    outline.tree.near(x, enough, |s| {
+        if outline.segments[s as usize].part == part {
+            let [a, b] = outline.ends(s);
+            let along = [b[0] - a[0], b[1] - a[1]];
+            let dot = (x[0] - a[0]) * along[0] + (x[1] - a[1]) * along[1];
+            let t = (dot / distance_2(&a, &b)).clamp(0.0, 1.0);
+            nearest = nearest.min(distance(x, &[a[0] + t * along[0], a[1] + t * along[1]]));
+        }
+    });
     nearest
 }
 
