@@ -1,4 +1,4 @@
-//! Static k-d tree: the one search structure of the package, generic over the dimension.
+//! Static k-d tree: the one search structure of points, generic over the dimension.
 //!
 //! Median splits along the widest side of the tight box, ties broken by original index; at most [`LEAF`] points in a
 //! leaf, sorted by coordinates and then index. The nodes form a complete binary tree in heap order (root 1, children `2k` and `2k + 1`), and node `j` of depth
