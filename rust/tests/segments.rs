@@ -7,16 +7,18 @@ use proptest::prelude::*;
 
 /// Segments of a family: any, parallel and slanted, from one place, tiny and far away, all on one line.
 fn segments() -> impl Strategy<Value = Vec<[Point<2>; 2]>> {
-    (0..5usize, prop::collection::vec([-1.0..1.0f64, -1.0..1.0, -1.0..1.0, -1.0..1.0], 0..60)).prop_map(|(family, rows)| {
-        let make = |[a, b, c, d]: [f64; 4]| match family {
-            0 => [[a, b], [c, d]],
-            1 => [[a * 1e-3, b * 1e-3], [a * 1e-3 + 2.0 + c, b * 1e-3 + 1.0 + d * 1e-6]],
-            2 => [[0.5, 0.5], [c, d]],
-            3 => [[1e9 + a * 1e-3, 1e9 + b * 1e-3], [1e9 + c * 1e-3, 1e9 + d * 1e-3]],
-            _ => [[a, 2.0 * a], [c, 2.0 * c]],
-        };
-        rows.into_iter().map(make).collect()
-    })
+    (0..5usize, prop::collection::vec([-1.0..1.0f64, -1.0..1.0, -1.0..1.0, -1.0..1.0], 0..60)).prop_map(
+        |(family, rows)| {
+            let make = |[a, b, c, d]: [f64; 4]| match family {
+                0 => [[a, b], [c, d]],
+                1 => [[a * 1e-3, b * 1e-3], [a * 1e-3 + 2.0 + c, b * 1e-3 + 1.0 + d * 1e-6]],
+                2 => [[0.5, 0.5], [c, d]],
+                3 => [[1e9 + a * 1e-3, 1e9 + b * 1e-3], [1e9 + c * 1e-3, 1e9 + d * 1e-3]],
+                _ => [[a, 2.0 * a], [c, 2.0 * c]],
+            };
+            rows.into_iter().map(make).collect()
+        },
+    )
 }
 
 proptest! {

@@ -2,10 +2,11 @@
 
 use super::Cells;
 use crate::error::Error;
-use crate::point::{NONE, Point};
+use crate::point::{NONE, Point, orient};
 use rayon::prelude::*;
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
+use std::cmp::Ordering;
 
 type Cdt = ConstrainedDelaunayTriangulation<Point2<f64>>;
 
@@ -25,8 +26,15 @@ pub(super) fn triangulated(
     ends: &[[u32; 2]],
     name: impl Fn(usize) -> u32,
 ) -> Result<(Cells, Vec<u32>), Error> {
-    let mut cdt = insert_all(points, name)?;
-    let failed = constrain(&mut cdt, ends.iter().copied());
+    let third = off_the_line(points);
+    if third == points.len() && third > FEW {
+        return along_a_line(points, ends, name).map(|failed| (Cells::default(), failed));
+    }
+    // while all points lie on a line, each costs spade as much as all before
+    let order = Order { third: if third > FEW { third } else { 2 } };
+    let mut cdt = insert_all(points, order, name)?;
+    let vertex = |i: u32| FixedVertexHandle::from_index(order.place(i as usize));
+    let failed = constrain(&mut cdt, ends.iter().map(|ends| ends.map(vertex)));
     let mut on_edge = vec![NONE; cdt.num_directed_edges()];
     for (c, &[a, b]) in ends.iter().enumerate() {
         let Some(edge) = cdt.get_edge_from_neighbors(vertex(a), vertex(b)) else { continue };
@@ -37,7 +45,7 @@ pub(super) fn triangulated(
     let cell_of = |face: usize| face.checked_sub(1).map_or(NONE, |t| t as u32);
     let cell = |face: FixedFaceHandle<InnerTag>| {
         let edges = cdt.face(face).adjacent_edges();
-        let corners = edges.map(|e| e.from().fix().index() as u32);
+        let corners = edges.map(|e| order.point(e.from().fix().index()) as u32);
         let beyond = edges.map(|e| cell_of(e.rev().face().fix().index()));
         (corners, (beyond, edges.map(|e| on_edge[e.fix().index()])))
     };
@@ -46,17 +54,71 @@ pub(super) fn triangulated(
     Ok((Cells { cells, neighbours, constraints }, failed))
 }
 
-/// Inserts the points in their order.
-fn insert_all(points: &[Point<2>], name: impl Fn(usize) -> u32) -> Result<Cdt, Error> {
+/// So many points on a line are no matter.
+const FEW: usize = 16;
+
+/// The order in which points are inserted: their own, but for one that is brought forward to be the third.
+#[derive(Clone, Copy)]
+struct Order {
+    third: usize,
+}
+
+impl Order {
+    /// The point at a place of the order.
+    fn point(self, place: usize) -> usize {
+        match place {
+            2 => self.third,
+            place if place > 2 && place <= self.third => place - 1,
+            place => place,
+        }
+    }
+
+    /// The place of a point in the order.
+    fn place(self, point: usize) -> usize {
+        match point {
+            point if point == self.third => 2,
+            point if point >= 2 && point < self.third => point + 1,
+            point => point,
+        }
+    }
+}
+
+/// The first point that is not on one line with those before it; their number where there is none.
+fn off_the_line(points: &[Point<2>]) -> usize {
+    let [a, b, rest @ ..] = points else { return points.len() };
+    rest.iter().position(|c| orient(a, b, c) != 0.0).map_or(points.len(), |k| k + 2)
+}
+
+/// The constraints that can't be edges where all points lie on a line: those that are not between neighbours.
+fn along_a_line(points: &[Point<2>], ends: &[[u32; 2]], name: impl Fn(usize) -> u32) -> Result<Vec<u32>, Error> {
+    let at = |&i: &usize| (points[i][0] + 0.0, points[i][1] + 0.0);
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|a, b| at(a).partial_cmp(&at(b)).unwrap_or(Ordering::Equal));
+    if let Some(pair) = order.windows(2).find(|pair| at(&pair[0]) == at(&pair[1])) {
+        return Err(repeats(points, pair[1], pair[0], name));
+    }
+    let mut rank = vec![0; points.len()];
+    order.iter().enumerate().for_each(|(k, &i)| rank[i] = k);
+    let is_edge = |ends: &[u32; 2]| rank[ends[0] as usize].abs_diff(rank[ends[1] as usize]) == 1;
+    Ok((0..).zip(ends).filter(|(_, ends)| !is_edge(ends)).map(|(c, _)| c).collect())
+}
+
+fn repeats(points: &[Point<2>], i: usize, before: usize, name: impl Fn(usize) -> u32) -> Error {
+    Error::Argument(format!("point {} repeats point {} at {:?}", name(i), name(before), points[i]))
+}
+
+/// Inserts the points in an order.
+fn insert_all(points: &[Point<2>], order: Order, name: impl Fn(usize) -> u32) -> Result<Cdt, Error> {
     let mut cdt = Cdt::with_capacity(points.len(), points.len() * 3, points.len() * 2);
     let scale = scale(points);
-    for (i, p) in points.iter().enumerate() {
+    for (place, i) in (0..points.len()).map(|place| (place, order.point(place))) {
+        let p = &points[i];
         // what vanishes beside the largest coordinate is taken for zero
         let [x, y] = p.map(|c| c * scale).map(|c| if c.abs() < LEAST { 0.0 } else { c });
         let handle =
             cdt.insert(Point2::new(x, y)).map_err(|e| Error::Argument(format!("point {} at {p:?}: {e}", name(i))))?;
-        if handle.index() != i {
-            return Err(Error::Argument(format!("point {} repeats point {} at {p:?}", name(i), name(handle.index()))));
+        if handle.index() != place {
+            return Err(repeats(points, i, order.point(handle.index()), name));
         }
     }
     Ok(cdt)
@@ -79,18 +141,14 @@ fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((1023 + exponent) as u64) << 52)
 }
 
-fn vertex(i: u32) -> FixedVertexHandle {
-    FixedVertexHandle::from_index(i as usize)
-}
-
 /// Adds the constraints; returns those that can't be: they cross one that is there, or pass through a point.
-fn constrain(cdt: &mut Cdt, ends: impl Iterator<Item = [u32; 2]>) -> Vec<u32> {
+fn constrain(cdt: &mut Cdt, ends: impl Iterator<Item = [FixedVertexHandle; 2]>) -> Vec<u32> {
     let mut failed = Vec::new();
     for (c, [a, b]) in ends.enumerate() {
-        if cdt.can_add_constraint(vertex(a), vertex(b)) {
-            cdt.add_constraint(vertex(a), vertex(b));
+        if cdt.can_add_constraint(a, b) {
+            cdt.add_constraint(a, b);
         }
-        let there = cdt.get_edge_from_neighbors(vertex(a), vertex(b));
+        let there = cdt.get_edge_from_neighbors(a, b);
         if !there.is_some_and(|edge| edge.is_constraint_edge()) {
             failed.push(c as u32);
         }
