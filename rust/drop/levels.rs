@@ -166,6 +166,8 @@ impl Builder<'_> {
         let mut levels: Vec<Level> = Vec::new();
         let mut change = finer.and_then(|level| level.dropped).map_or(0.0, |dropped| dropped.change());
         let (mut k, mut done, mut has_between) = (0, None, false);
+        // levels that there were, and what was found in place of one without a cell
+        let mut instead: Option<(usize, Option<(Plan, Made)>)> = None;
         while k < plans.len() {
             self.progress.enter(3, 1)?;
             visits += if has_between { 0 } else { plans[k].visits };
@@ -178,10 +180,17 @@ impl Builder<'_> {
             let (i, mut factor) = (first + k, self.factor(first + k));
             let mut plan = plans[k].clone();
             let mut made = ground.settle(&mut plan.choice, &plan.at_facets, allowed.as_deref())?;
-            if made.is_none()
-                && let Some((another, mesh)) = self.denser(&ground, i, done.as_ref(), allowed.as_deref())?
-            {
-                (plan, made) = (another, Some(mesh));
+            if made.is_none() {
+                // after a settled level the same, whichever of the levels without a cell it would replace
+                let again = instead.take().filter(|&(finer, _)| finer > 0 && finer == levels.len());
+                let (finer, found) = match again {
+                    Some(again) => again,
+                    None => (levels.len(), self.denser(&ground, i, done.as_ref(), allowed.as_deref())?),
+                };
+                if let Some((another, mesh)) = found.clone() {
+                    (plan, made) = (another, Some(mesh));
+                }
+                instead = Some((finer, found));
             }
             let Some((mut mesh, mut dropped)) = made else {
                 let Some(last) = levels.last().or(finer) else {
