@@ -5,7 +5,7 @@ use super::run::run;
 use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::halfedges::HalfEdges;
-use crate::transfer::prolongation::Finer;
+use crate::transfer::prolongation::{Finer, Unplaced};
 use crate::transfer::rows::{Rows, RowsRef};
 use crate::transfer::{cycle, filter, galerkin, loose, overlap, prolongation, slow};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
@@ -44,9 +44,11 @@ fn py_prolongation<'py>(
     let boundary = super::arrays::edges("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let (made, outside, lost) = run(py, threads, None, |_| {
-        let coarse = HalfEdges::new(coarse_points, &coarse)?;
         let finer = Finer { points, cells: &fine, boundary: &boundary };
-        let located = prolongation::locate(finer, &coarse, &injection)?;
+        let (coarse, finer) =
+            rayon::join(|| HalfEdges::new(coarse_points, &coarse), || Unplaced::new(finer, &injection));
+        let coarse = coarse?;
+        let located = prolongation::locate(finer, &coarse)?;
         let (made, outside) = prolongation::weights(points, &coarse, &located.places)?;
         Ok((made, outside, located.lost))
     })?;
@@ -73,9 +75,11 @@ fn py_overlap<'py>(
     let boundary = super::arrays::edges("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let made = run(py, threads, None, |_| {
-        let coarse = HalfEdges::new(coarse_points, &coarse)?;
         let finer = Finer { points, cells: &fine, boundary: &boundary };
-        let located = prolongation::locate(finer, &coarse, &injection)?;
+        let (coarse, finer) =
+            rayon::join(|| HalfEdges::new(coarse_points, &coarse), || Unplaced::new(finer, &injection));
+        let coarse = coarse?;
+        let located = prolongation::locate(finer, &coarse)?;
         overlap::areas(points, &fine, &coarse, &located)
     })?;
     Ok(matrix(py, made))

@@ -2,7 +2,7 @@
 
 use _core::point::{NONE, Point, orient};
 use _core::transfer::halfedges::{HalfEdges, next, prev};
-use _core::transfer::prolongation::{Finer, locate, weights};
+use _core::transfer::prolongation::{Finer, Unplaced, locate, weights};
 use _core::transfer::rows::{Rows, RowsRef};
 use _core::transfer::{filter, galerkin, overlap};
 use proptest::prelude::*;
@@ -86,7 +86,7 @@ proptest! {
         let coarse = HalfEdges::new(&coarse_points, &coarse_cells).unwrap();
         let boundary = boundary_of(&points, &cells);
         let finer = Finer { points: &points, cells: &cells, boundary: &boundary };
-        let located = locate(finer, &coarse, &injection).unwrap();
+        let located = locate(Unplaced::new(finer, &injection), &coarse).unwrap();
         let (rows, outside) = weights(&points, &coarse, &located.places).unwrap();
         prop_assert!(located.lost.is_empty() && outside.is_empty());
         let view = rows.view();
@@ -112,7 +112,7 @@ proptest! {
         let coarse = HalfEdges::new(&coarse_points, &coarse_cells).unwrap();
         let boundary = boundary_of(&points, &cells);
         let finer = Finer { points: &points, cells: &cells, boundary: &boundary };
-        let located = locate(finer, &coarse, &injection).unwrap();
+        let located = locate(Unplaced::new(finer, &injection), &coarse).unwrap();
         let rows = overlap::areas(&points, &cells, &coarse, &located).unwrap();
         let mut covered = vec![0.0; coarse_cells.len()];
         for (i, cell) in cells.iter().enumerate() {
@@ -286,7 +286,9 @@ fn nodes_of_a_bent_slit_stay_on_their_bank() {
         let coarse_points: Vec<Point<2>> = injection.iter().map(|&i| points[i as usize]).collect();
         let coarse = [[0, 2, 3], [2, 5, 3], [2, 1, 4], [2, 4, 6], [2, 7, 5], [2, 6, 7]];
         let coarse = HalfEdges::new(&coarse_points, &coarse).unwrap();
-        let located = locate(&points, &fine, &coarse, &injection).unwrap();
+        let boundary = boundary_of(&points, &fine);
+        let finer = Finer { points: &points, cells: &fine, boundary: &boundary };
+        let located = locate(Unplaced::new(finer, &injection), &coarse).unwrap();
         let (rows, outside) = weights(&points, &coarse, &located.places).unwrap();
         let of = |i: usize| rows.view().row(i).0;
         assert!(!of(3).contains(&1) && of(3).contains(&0), "the upper bank takes {:?}", of(3));

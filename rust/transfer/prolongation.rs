@@ -36,6 +36,34 @@ pub struct Finer<'a> {
     pub boundary: &'a [[u32; 2]],
 }
 
+/// A finer mesh before its nodes are located: all that needs no coarse one.
+pub struct Unplaced<'a> {
+    finer: Finer<'a>,
+    injection: &'a [u32],
+    walls: Walls<'a>,
+    places: Vec<Place>,
+    status: Vec<u8>,
+    from: Vec<AtomicU32>,
+}
+
+impl<'a> Unplaced<'a> {
+    /// `injection` has the finer node of each coarse node, or `NONE`. Runtime: O(n + b log b).
+    pub fn new(finer: Finer<'a>, injection: &'a [u32]) -> Self {
+        let n = finer.points.len();
+        let mut status = vec![0; n];
+        finer.boundary.as_flattened().iter().for_each(|&v| status[v as usize] = ON_BOUNDARY);
+        let on_boundary = |v: u32| status.get(v as usize).is_some_and(|&status| status == ON_BOUNDARY);
+        Self {
+            finer,
+            injection,
+            walls: Walls::new(finer.points, finer.boundary, on_boundary, injection),
+            places: vec![Place::UNKNOWN; n],
+            status,
+            from: (0..n).map(|_| AtomicU32::new(NOWHERE)).collect(),
+        }
+    }
+}
+
 /// Where the nodes of a finer mesh lie.
 pub struct Located<'a> {
     /// By node of the finer mesh.
@@ -49,20 +77,19 @@ pub struct Located<'a> {
 /// Nodes that one thread walks to at least.
 const GRAIN: usize = 512;
 
-/// Locates the nodes of a finer mesh in a coarser one; `injection` has the finer node of each coarse node, or `NONE`.
-///
-/// Cells of both counter-clockwise. Runtime: O(n + m).
-pub fn locate<'a>(finer: Finer<'a>, coarse: &'a HalfEdges<'a>, injection: &[u32]) -> Result<Located<'a>, Error> {
+/// Locates the nodes of a finer mesh in a coarser one. Cells of both counter-clockwise. Runtime: O(n + m).
+pub fn locate<'a>(finer: Unplaced<'a>, coarse: &'a HalfEdges<'a>) -> Result<Located<'a>, Error> {
     if coarse.cells.is_empty() {
         return Err(Error::Argument("the coarse mesh has no cells".into()));
     }
-    if finer.points.len() > i32::MAX as usize {
-        return Err(Error::Argument(format!("{} nodes, expected fewer than 2**31", finer.points.len())));
+    let n = finer.places.len();
+    if n > i32::MAX as usize {
+        return Err(Error::Argument(format!("{n} nodes, expected fewer than 2**31")));
     }
-    let mut search = Search::new(finer, coarse, injection)?;
+    let mut search = Search::new(finer, coarse)?;
     search.run()?;
     search.reconsider()?;
-    let lost = (0..finer.points.len() as u32).filter(|&v| search.status[v as usize] & LOST != 0).collect();
+    let lost = (0..n as u32).filter(|&v| search.status[v as usize] & LOST != 0).collect();
     Ok(Located { places: search.places, lost, walls: search.walls })
 }
 
@@ -157,15 +184,9 @@ const NOWHERE: u32 = u32::MAX;
 const FROM_OUTSIDE: u32 = 1 << 31;
 
 impl<'a> Search<'a> {
-    fn new(
-        Finer { points, cells, boundary }: Finer<'a>,
-        coarse: &'a HalfEdges<'a>,
-        injection: &[u32],
-    ) -> Result<Self, Error> {
-        let mut places = vec![Place::UNKNOWN; points.len()];
-        let mut status = vec![0; points.len()];
-        boundary.as_flattened().iter().for_each(|&v| status[v as usize] = ON_BOUNDARY);
-        let walls = Walls::new(points, boundary, injection);
+    fn new(unplaced: Unplaced<'a>, coarse: &'a HalfEdges<'a>) -> Result<Self, Error> {
+        let Unplaced { finer, injection, walls, mut places, mut status, from } = unplaced;
+        let Finer { points, cells, .. } = finer;
         for (c, &v) in injection.iter().enumerate().filter(|&(_, &v)| v != NONE) {
             let (place, status) = match (places.get_mut(v as usize), status.get_mut(v as usize)) {
                 (Some(place), Some(status)) => (place, status),
@@ -177,7 +198,6 @@ impl<'a> Search<'a> {
             }
         }
         let missing = (0..points.len() as u32).into_par_iter().filter(|&v| status[v as usize] & FOUND == 0).collect();
-        let from = (0..points.len()).map(|_| AtomicU32::new(NOWHERE)).collect();
         Ok(Self { points, cells, coarse, walls, places, status, from, open: None, missing })
     }
 

@@ -32,8 +32,14 @@ struct End {
 }
 
 impl<'a> Walls<'a> {
-    /// Takes the boundary edges of the finer mesh, their cell on the left. Runtime: O(b log b + m).
-    pub fn new(points: &'a [Point<2>], boundary: &[[u32; 2]], injection: &[u32]) -> Self {
+    /// Takes the boundary edges of the finer mesh, their cell on the left; `on_boundary` tells their nodes from others.
+    /// Runtime: O(b log b + m).
+    pub fn new(
+        points: &'a [Point<2>],
+        boundary: &[[u32; 2]],
+        on_boundary: impl Fn(u32) -> bool,
+        injection: &[u32],
+    ) -> Self {
         let mut at: Vec<(u32, End)> = Vec::with_capacity(2 * boundary.len());
         for &[a, b] in boundary {
             at.push((a, End { node: b, comes_in: false }));
@@ -43,7 +49,7 @@ impl<'a> Walls<'a> {
         let mut starts = vec![0];
         let mut ends = Vec::new();
         for &v in injection {
-            if v != NONE {
+            if v != NONE && on_boundary(v) {
                 let first = at.partition_point(|&(node, _)| node < v);
                 ends.extend(at[first..].iter().take_while(|&&(node, _)| node == v).map(|&(_, end)| end));
             }
