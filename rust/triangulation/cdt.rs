@@ -34,12 +34,16 @@ pub(super) fn triangulated(
     let order = Order { third: if third > FEW { third } else { 2 } };
     let mut cdt = insert_all(points, order, name)?;
     let vertex = |i: u32| FixedVertexHandle::from_index(order.place(i as usize));
-    let failed = constrain(&mut cdt, ends.iter().map(|ends| ends.map(vertex)));
+    let turned = turned(ends, points.len());
+    let from_to = |c: usize| if turned[c] { [ends[c][1], ends[c][0]] } else { ends[c] }.map(vertex);
+    let failed = constrain(&mut cdt, (0..ends.len()).map(from_to));
     let mut on_edge = vec![NONE; cdt.num_directed_edges()];
-    for (c, &[a, b]) in ends.iter().enumerate() {
-        let Some(edge) = cdt.get_edge_from_neighbors(vertex(a), vertex(b)) else { continue };
-        on_edge[edge.fix().index()] = 2 * c as u32;
-        on_edge[edge.rev().fix().index()] = 2 * c as u32 + 1;
+    for c in 0..ends.len() {
+        let [from, to] = from_to(c);
+        let Some(edge) = cdt.get_edge_from_neighbors(from, to) else { continue };
+        let sides = [edge.fix().index(), edge.rev().fix().index()];
+        on_edge[sides[usize::from(turned[c])]] = 2 * c as u32;
+        on_edge[sides[usize::from(!turned[c])]] = 2 * c as u32 + 1;
     }
     // spade counts the outer face first
     let cell_of = |face: usize| face.checked_sub(1).map_or(NONE, |t| t as u32);
@@ -56,6 +60,16 @@ pub(super) fn triangulated(
 
 /// So many points on a line are no matter.
 const FEW: usize = 16;
+
+/// With more constraints at a point they are looked for from their other ends: spade goes around the first end of each.
+const MANY: usize = 64;
+
+/// Which constraints are better looked for from their second end.
+fn turned(ends: &[[u32; 2]], n: usize) -> Vec<bool> {
+    let mut count = vec![0; n];
+    ends.iter().flatten().for_each(|&i| count[i as usize] += 1);
+    ends.iter().map(|&[a, b]| count[a as usize] > MANY.max(count[b as usize])).collect()
+}
 
 /// The order in which points are inserted: their own, but for one that is brought forward to be the third.
 #[derive(Clone, Copy)]
