@@ -9,8 +9,9 @@ pub mod point;
 pub mod progress;
 
 pub mod kdtree;
-pub mod mesh;
 pub mod segments;
+
+pub mod mesh;
 pub mod triangulation;
 
 pub mod domain;
