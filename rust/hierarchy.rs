@@ -174,9 +174,9 @@ pub(crate) struct Pool<'a> {
     /// Candidate of the finest pool, by candidate of this one.
     pub(crate) members: Vec<u32>,
     /// f at the candidates, of the level that the pool is made for; empty in the finest.
-    f: Vec<f64>,
+    pub(crate) f: Vec<f64>,
     /// Candidates looked at to make it.
-    visits: usize,
+    pub(crate) visits: usize,
 }
 
 pub(crate) struct Chosen {
@@ -223,6 +223,8 @@ pub(crate) struct Builder<'a> {
     pub(crate) at_hand: usize,
     /// Facet vertices that no level may keep where features are dropped; empty where all may be.
     pub(crate) is_barred: Vec<bool>,
+    /// The facet vertices of levels that drop features, by level.
+    pub(crate) facets: Vec<(usize, Vec<bool>)>,
     /// The parts of the input, once a level that drops features has asked for them.
     pub(crate) parts: Option<Arc<Parts>>,
 }
@@ -274,14 +276,21 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
             (levels, stopped)
         }
         Drop::Always => {
+            builder.plan_facets(1, options.levels)?;
             let depth = options.levels.map_or_else(|| builder.drop_depth(), Ok)?;
             (builder.drop_levels(1, depth, None)?, Stopped::Levels)
         }
         Drop::Auto => {
             let (last, is_enough) = builder.last_worth_keeping()?;
-            let mut levels = builder.levels(1, last, Choice::default())?.0;
             let free = base.spacing(None)?;
             let mut plain = base.builder(&free);
+            let mut seeds = Choice::default();
+            if options.nested && last > 0 && !is_enough {
+                seeds.kept = plain.plan_facets(last + 1, options.levels)?;
+            } else {
+                plain.plan_facets(last + 1, options.levels)?;
+            }
+            let mut levels = builder.levels(1, last, seeds)?.0;
             let finer = levels.last().filter(|_| options.nested);
             if let Some(finer) = finer {
                 plain.draw_from(&finer.mesh.nodes);
@@ -346,6 +355,7 @@ impl<'a> Base<'a> {
             candidate_of: vec![NONE; input.points.len()],
             at_hand: usize::MAX,
             is_barred: Vec::new(),
+            facets: Vec::new(),
             parts: None,
             pools: vec![Pool { candidates: self.all.borrowed(), members, f: Vec::new(), visits: 0 }],
             input,

@@ -121,7 +121,7 @@ pub fn select(
         held.extend(crowded.iter().map(|&(v, room)| (candidates.nodes[v as usize], room)));
     };
 
-    let (interior, places) = select_interior(domain, candidates, f, seeds, &seeded, &kept, &chords, rules, progress)?;
+    let (interior, places) = select_interior(domain, candidates, f, (&seeds.interior, &seeded), &kept, &chords, rules, progress)?;
     Ok((Choice { kept, interior, chords, held, surplus: 0 }, places))
 }
 
@@ -132,8 +132,7 @@ pub(crate) fn select_interior(
     domain: &Domain,
     candidates: &Candidates<'_>,
     f: &[f64],
-    seeds: &Choice,
-    seeded: &[u32],
+    (seeds, seeded): (&[u32], &[u32]),
     kept: &[bool],
     chords: &[Chord],
     rules: Rules,
@@ -148,7 +147,7 @@ pub(crate) fn select_interior(
     let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
     let order: Vec<u32> = (0..is_seed.len()).into_par_iter().filter(free).map(|k| (k + facets) as u32).collect();
     let chosen = greedy_in_tiles(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
-    let mut interior = seeds.interior.clone();
+    let mut interior = seeds.to_vec();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
     Ok((interior, places))
 }

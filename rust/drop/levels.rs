@@ -1,14 +1,15 @@
 //! The levels that drop features: selected coarse to fine, settled fine to coarse, and where they begin and end.
 
-use super::select::{Terms, select};
+use super::select::{Terms, select_facets, select_inside};
 use super::{Dropped, Ground, Parts};
 use crate::domain::Domain;
 use crate::error::Error;
-use crate::hierarchy::{Builder, Level, MAX_LEVELS, STALL, Spacing};
-use crate::kdtree::KdTree;
+use crate::hierarchy::{Builder, Level, MAX_LEVELS, Pool, STALL, Spacing};
+use crate::kdtree::{Bounds, KdTree};
 use crate::level::{Candidates, Choice, LevelMesh};
 use crate::point::Point;
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Tries of a spacing a quarter as large where a level has no cell.
@@ -25,6 +26,9 @@ const BETWEEN: i32 = 3;
 
 /// How many of the finer level's cells it may have at most.
 const WORTH_A_LEVEL: f64 = 0.8;
+
+/// No level is coarser than the size of the domain by this.
+const COARSEST_SHARE: f64 = 1.0;
 
 /// A settled level.
 type Made = (LevelMesh, Dropped);
@@ -110,17 +114,51 @@ impl Builder<'_> {
         Ok(depth)
     }
 
+    /// Selects the facet vertices of levels `first` to `last` (as far as it makes a difference where that is open), coarsest
+    /// level first: for no level to lack what a coarser one needs, all of them are known before any interior node.
+    /// Returns those of level `first`.
+    pub(crate) fn plan_facets(&mut self, first: usize, last: Option<usize>) -> Result<Vec<bool>, Error> {
+        let facets = self.domain.len();
+        let finest = &self.pools[0].candidates;
+        let points = finest.points[..facets].to_vec();
+        let tree = Cow::Owned(KdTree::new(&points));
+        let candidates = Candidates { tree, points: Cow::Owned(points), nodes: finest.nodes[..facets].to_vec().into() };
+        let pool = Pool { candidates, members: (0..facets as u32).collect(), f: Vec::new(), visits: 0 };
+        let parts = self.parts();
+        let last = match last {
+            Some(last) => last,
+            None => {
+                let least = self.spacing_in(0, &pool)?.into_iter().fold(f64::INFINITY, f64::min);
+                let bounds = Bounds::of(pool.candidates.points.iter());
+                let most = COARSEST_SHARE * (0..2).map(|k| bounds.hi[k] - bounds.lo[k]).fold(0.0, f64::max);
+                (first..MAX_LEVELS).find(|&i| least * self.factor(i) >= most).unwrap_or(MAX_LEVELS)
+            }
+        };
+        let mut kept = Vec::new();
+        for i in (first..=last).rev() {
+            let f = self.spacing_in(i, &pool)?;
+            let seeds: &[bool] = if self.options.nested { &kept } else { &[] };
+            kept = select_facets(self.domain, &pool.candidates, &f, seeds, self.terms(&parts), self.progress)?;
+            self.facets.push((i, kept.clone()));
+        }
+        self.facets.reverse();
+        Ok(kept)
+    }
+
+    /// The facet vertices of a level that drops features.
+    fn facets_at(&self, i: usize) -> Vec<bool> {
+        let k = self.facets.partition_point(|at| at.0 < i).min(self.facets.len().saturating_sub(1));
+        self.facets.get(k).map_or_else(Vec::new, |at| at.1.clone())
+    }
+
     fn parts(&mut self) -> Arc<Parts> {
         let (domain, input) = (self.domain, self.input);
         self.parts.get_or_insert_with(|| Arc::new(Parts::new(domain, input))).clone()
     }
 
     fn terms<'b>(&'b self, parts: &'b Parts) -> Terms<'b> {
-        let mut rules = self.options.rules;
-        if !self.is_barred.is_empty() {
-            rules.beta *= DENSER;
-        }
-        Terms { rules, cos_feature: self.options.cos_feature, is_barred: &self.is_barred, parts }
+        let denser = if self.is_barred.is_empty() { 1.0 } else { DENSER };
+        Terms { rules: self.options.rules, denser, cos_feature: self.options.cos_feature, is_barred: &self.is_barred, parts }
     }
 
     fn plan(&mut self, i: usize, seeds: &Choice) -> Result<Plan, Error> {
@@ -128,7 +166,11 @@ impl Builder<'_> {
         let (f, p) = self.at_hand(i)?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
         let candidates = &self.pools[p].candidates;
-        let choice = select(self.domain, candidates, &f, seeds, candidate_of, self.terms(&parts), self.progress)?;
+        let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
+        let kept = self.facets_at(i);
+        let seeds = (&seeds.interior[..], &seeded[..]);
+        let terms = self.terms(&parts);
+        let choice = select_inside(self.domain, candidates, &f, kept, seeds, terms, self.progress)?;
         let mut at_interior: Vec<(u32, f64)> =
             choice.interior.iter().map(|&node| (node, f[candidate_of(node) as usize])).collect();
         at_interior.sort_unstable_by_key(|at| at.0);
@@ -202,13 +244,14 @@ impl Builder<'_> {
                 continue;
             };
             let most = change + STEEP * ground.area;
-            let is_steep = is_open && !has_between && dropped.change() > most;
+            let is_steep = is_open && dropped.change() > most;
+            let bounds = (if has_between { 0 } else { BETWEEN }, WORTH_A_LEVEL * before as f64, most);
             has_between = false;
             if is_steep
                 && let Some((share, another, steps)) =
-                    self.between(&ground, i, done.as_ref(), allowed.as_deref(), (WORTH_A_LEVEL * before as f64, most))?
+                    self.between(&ground, i, (&plans[k].choice, done.as_ref()), allowed.as_deref(), bounds)?
             {
-                (plan, (mesh, dropped), has_between) = (another, steps, true);
+                (plan, (mesh, dropped), has_between) = (another, steps, share < 1.0);
                 factor *= share;
             }
             let now = mesh.cells.len();
@@ -253,6 +296,7 @@ impl Builder<'_> {
         ground: &Ground<'_>,
         candidates: &Candidates<'_>,
         f: Vec<f64>,
+        seeds: &Choice,
         allowed: Option<&[bool]>,
     ) -> Result<Option<(Plan, Made)>, Error> {
         let facets = self.domain.len();
@@ -264,8 +308,14 @@ impl Builder<'_> {
             is_barred = (0..facets as u32).map(|v| !self.domain.copies(v).iter().any(is_allowed)).collect();
             terms.is_barred = &is_barred;
         }
-        let none = Choice::default();
-        let mut choice = select(self.domain, candidates, &f, &none, |node| node, terms, self.progress)?;
+        let mut kept = seeds.kept.clone();
+        kept.iter_mut().zip(terms.is_barred).for_each(|(kept, barred)| *kept &= !barred);
+        let inside: HashMap<u32, u32> = candidates.nodes[facets..].iter().copied().zip(facets as u32..).collect();
+        let (seeds, seeded): (Vec<u32>, Vec<u32>) =
+            seeds.interior.iter().filter_map(|node| inside.get(node).map(|&k| (*node, k))).unzip();
+        let kept = select_facets(self.domain, candidates, &f, &kept, terms, self.progress)?;
+        let mut choice =
+            select_inside(self.domain, candidates, &f, kept, (&seeds, &seeded), terms, self.progress)?;
         let Some(made) = ground.settle(&mut choice, &f, allowed)? else { return Ok(None) };
         let mut at_interior: Vec<(u32, f64)> =
             candidates.nodes[facets..].iter().copied().zip(f[facets..].iter().copied()).collect();
@@ -289,7 +339,7 @@ impl Builder<'_> {
         };
         for attempt in 0..MOST_TRIES {
             let scale = self.options.factor * 0.25f64.powi(attempt);
-            let made = self.anew(ground, &candidates, f.iter().map(|f| f * scale).collect(), allowed)?;
+            let made = self.anew(ground, &candidates, f.iter().map(|f| f * scale).collect(), &Choice::default(), allowed)?;
             if made.is_some() {
                 return Ok(made);
             }
@@ -303,16 +353,16 @@ impl Builder<'_> {
         &mut self,
         ground: &Ground<'_>,
         i: usize,
-        finer: Option<&Plan>,
+        (seeds, finer): (&Choice, Option<&Plan>),
         allowed: Option<&[bool]>,
-        (most_cells, most_change): (f64, f64),
+        (most_tries, most_cells, most_change): (i32, f64, f64),
     ) -> Result<Option<(f64, Plan, Made)>, Error> {
         let Spacing::Function(spacing) = self.spacing else { return Ok(None) };
         let candidates = self.source(finer);
-        for attempt in 1..=BETWEEN {
+        for attempt in 0..=most_tries {
             let share = self.options.factor.powf(-f64::from(attempt) / f64::from(BETWEEN + 1));
             let f = spacing.at_tree(share * self.factor(i), &candidates.tree, self.progress)?;
-            let Some((plan, made)) = self.anew(ground, &candidates, f, allowed)? else { continue };
+            let Some((plan, made)) = self.anew(ground, &candidates, f, seeds, allowed)? else { continue };
             if made.0.cells.len() as f64 > most_cells {
                 break;
             }

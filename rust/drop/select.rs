@@ -37,6 +37,8 @@ const PUT_BACK: usize = 3;
 pub struct Terms<'a> {
     /// The parameters of Figure 2.
     pub rules: Rules,
+    /// By how much nodes may be nearer inside.
+    pub denser: f64,
     /// Cosine of the feature angle.
     pub cos_feature: f64,
     /// Facet vertices that may not be kept; empty where all may be.
@@ -45,14 +47,11 @@ pub struct Terms<'a> {
     pub parts: &'a Parts,
 }
 
-/// Facet vertices, and nodes that stay, among which some are picked.
+/// Facet vertices, among which some are picked.
 struct Picker<'a> {
-    domain: &'a Domain,
     candidates: &'a Candidates<'a>,
-    /// Candidates of the interior nodes that stay.
-    seeded: &'a [u32],
     beta: f64,
-    /// Where there are several groups of parts: facet vertices, then seeds, each group on a plane of its own.
+    /// Where there are several groups of parts: facet vertices, each group on a plane of its own.
     apart: Option<KdTree<3>>,
     progress: &'a Progress,
 }
@@ -62,13 +61,12 @@ impl<'a> Picker<'a> {
         domain: &'a Domain,
         candidates: &'a Candidates<'a>,
         f: &[f64],
-        seeded: &'a [u32],
         terms: Terms<'_>,
         progress: &'a Progress,
     ) -> Picker<'a> {
         let group = &terms.parts.group;
         let apart = (!group.is_empty()).then(|| {
-            let all = (0..domain.len() as u32).chain(seeded.iter().copied());
+            let all = 0..domain.len() as u32;
             // planes are farther apart than any two points conflict
             let step = 2.0 * all.clone().map(|k| f[k as usize]).fold(0.0, f64::max);
             let place = |k: u32| {
@@ -77,44 +75,55 @@ impl<'a> Picker<'a> {
             };
             KdTree::new(&all.map(place).collect::<Vec<Point<3>>>())
         });
-        Picker { domain, candidates, seeded, beta: terms.rules.beta, apart, progress }
+        Picker { candidates, beta: terms.rules.beta, apart, progress }
     }
 
     /// Adds those in `order` to `kept` that conflict with none there, for the spacing `room` of candidates; returns whether there were
     /// any.
     fn pick(&self, kept: &mut [bool], room: &[f64], order: &[u32]) -> Result<bool, Error> {
-        let vertices = (0..kept.len() as u32).filter(|&v| kept[v as usize]);
+        let keep: Vec<u32> = (0..kept.len() as u32).filter(|&v| kept[v as usize]).collect();
         let picked = match &self.apart {
-            None => {
-                let keep: Vec<u32> = vertices.chain(self.seeded.iter().copied()).collect();
-                greedy(&self.candidates.tree, room, self.beta, order, &keep, self.progress)?
-            }
-            Some(tree) => {
-                let facets = self.domain.len();
-                let keep: Vec<u32> = vertices.chain(facets as u32..(facets + self.seeded.len()) as u32).collect();
-                let room: Vec<f64> =
-                    (0..facets).chain(self.seeded.iter().map(|&k| k as usize)).map(|k| room[k]).collect();
-                greedy(tree, &room, self.beta, order, &keep, self.progress)?
-            }
+            None => greedy(&self.candidates.tree, room, self.beta, order, &keep, self.progress)?,
+            Some(tree) => greedy(tree, &room[..kept.len()], self.beta, order, &keep, self.progress)?,
         };
         picked.iter().for_each(|&v| kept[v as usize] = true);
         Ok(!picked.is_empty())
     }
 }
 
-/// Selects a level's nodes among the candidates, keeping `seeds` (see [`crate::level::select`]).
-pub fn select(
+/// Selects a level's interior nodes beside the facet vertices that it keeps, keeping `seeds` (nodes and candidates).
+pub fn select_inside(
     domain: &Domain,
     candidates: &Candidates<'_>,
     f: &[f64],
-    seeds: &Choice,
-    candidate_of: impl Fn(u32) -> u32,
+    kept: Vec<bool>,
+    (seeds, seeded): (&[u32], &[u32]),
     terms: Terms<'_>,
     progress: &Progress,
 ) -> Result<Choice, Error> {
+    let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
+    let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
+    let mut rules = terms.rules;
+    rules.beta *= terms.denser;
+    let (mut interior, _) = select_interior(domain, candidates, f, (seeds, seeded), &kept, &chords, rules, progress)?;
+    let lost = terms.parts.no_larger(domain, &domain.specks(&f[..domain.len()]));
+    if lost.iter().any(|&lost| lost) {
+        interior.retain(|&node| !lost[terms.parts.first(node) as usize]);
+    }
+    Ok(Choice { kept, interior, chords, ..Choice::default() })
+}
+
+/// Selects a level's facet vertices, keeping `seeds` (those of the next coarser level, empty for none).
+pub fn select_facets(
+    domain: &Domain,
+    candidates: &Candidates<'_>,
+    f: &[f64],
+    seeds: &[bool],
+    terms: Terms<'_>,
+    progress: &Progress,
+) -> Result<Vec<bool>, Error> {
     let facets = domain.len();
-    let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
-    let mut kept = if seeds.kept.is_empty() { vec![false; facets] } else { seeds.kept.clone() };
+    let mut kept = if seeds.is_empty() { vec![false; facets] } else { seeds.to_vec() };
     let is_speck = domain.specks(&f[..facets]);
     let may_stay = |v: u32| {
         let is_barred = terms.is_barred.get(v as usize).is_some_and(|&barred| barred);
@@ -135,7 +144,7 @@ pub fn select(
             order.push(v);
         }
     }
-    let picker = Picker::new(domain, candidates, f, &seeded, terms, progress);
+    let picker = Picker::new(domain, candidates, f, terms, progress);
     picker.pick(&mut kept, &room, &largest_first(corners))?;
     let is_wall = |&v: &u32| !domain.chains[domain.chain_of(v) as usize].edges[0].interior;
     let mut rest = largest_first(lesser);
@@ -149,15 +158,7 @@ pub fn select(
             break;
         }
     }
-    let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
-    let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
-    let (mut interior, _) =
-        select_interior(domain, candidates, f, seeds, &seeded, &kept, &chords, terms.rules, progress)?;
-    let lost = terms.parts.no_larger(domain, &is_speck);
-    if lost.iter().any(|&lost| lost) {
-        interior.retain(|&node| !lost[terms.parts.first(node) as usize]);
-    }
-    Ok(Choice { kept, interior, chords, ..Choice::default() })
+    Ok(kept)
 }
 
 /// Ties by vertex.
