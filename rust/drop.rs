@@ -9,11 +9,14 @@
 //! Where a level would change the area by more than a twentieth more than the finer one does, one between the two is made first
 //! (see `levels`), so that features are not lost all at once.
 //!
-//! Selection goes from coarse to fine, as in Figure 3. A node that ends in no cell is taken out, of this level and of all
+//! Selection goes from coarse to fine, as in Figure 3, first of the facet vertices of all levels (see `facets`): where an interior
+//! node of a coarser level keeps a vertex out, or a level is drawn from one that lacks it, a chord of a finer one may cut off
+//! much. With `features = "auto"` the levels that keep features keep those vertices. A node that ends in no cell is taken out, of this level and of all
 //! coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
 
 mod again;
 mod assemble;
+mod facets;
 mod flip;
 mod levels;
 mod mend;

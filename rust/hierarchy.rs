@@ -284,12 +284,9 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
             let (last, is_enough) = builder.last_worth_keeping()?;
             let free = base.spacing(None)?;
             let mut plain = base.builder(&free);
-            let mut seeds = Choice::default();
-            if options.nested && last > 0 && !is_enough {
-                seeds.kept = plain.plan_facets(last + 1, options.levels)?;
-            } else {
-                plain.plan_facets(last + 1, options.levels)?;
-            }
+            // what the levels that drop features are to keep, so that they have it to draw from
+            let facets = if is_enough { Vec::new() } else { plain.plan_facets(last + 1, options.levels)? };
+            let seeds = Choice { kept: facets, ..Choice::default() };
             let mut levels = builder.levels(1, last, seeds)?.0;
             let finer = levels.last().filter(|_| options.nested);
             if let Some(finer) = finer {

@@ -121,7 +121,8 @@ pub fn select(
         held.extend(crowded.iter().map(|&(v, room)| (candidates.nodes[v as usize], room)));
     };
 
-    let (interior, places) = select_interior(domain, candidates, f, (&seeds.interior, &seeded), &kept, &chords, rules, progress)?;
+    let (interior, places) =
+        select_interior(domain, candidates, f, (&seeds.interior, &seeded), &kept, &chords, rules, progress)?;
     Ok((Choice { kept, interior, chords, held, surplus: 0 }, places))
 }
 

@@ -1,11 +1,12 @@
 //! The levels that drop features: selected coarse to fine, settled fine to coarse, and where they begin and end.
 
+use super::facets::first_enough;
 use super::select::{Terms, select_facets, select_inside};
 use super::{Dropped, Ground, Parts};
 use crate::domain::Domain;
 use crate::error::Error;
-use crate::hierarchy::{Builder, Level, MAX_LEVELS, Pool, STALL, Spacing};
-use crate::kdtree::{Bounds, KdTree};
+use crate::hierarchy::{Builder, Level, MAX_LEVELS, STALL, Spacing};
+use crate::kdtree::KdTree;
 use crate::level::{Candidates, Choice, LevelMesh};
 use crate::point::Point;
 use std::borrow::Cow;
@@ -21,14 +22,11 @@ const DENSER: f64 = 1.2;
 /// Where a level changes the area by this share of it more than the finer one does, a level between is made if that does not.
 const STEEP: f64 = 0.05;
 
-/// Spacings that are tried for it.
+/// Spacings that are tried for it, after the level's own: it may do with other nodes.
 const BETWEEN: i32 = 3;
 
 /// How many of the finer level's cells it may have at most.
 const WORTH_A_LEVEL: f64 = 0.8;
-
-/// No level is coarser than the size of the domain by this.
-const COARSEST_SHARE: f64 = 1.0;
 
 /// A settled level.
 type Made = (LevelMesh, Dropped);
@@ -95,70 +93,30 @@ impl Builder<'_> {
 
     /// The first level whose nodes are so few that no triangulation of them has more than `coarsest` cells.
     pub(crate) fn drop_depth(&mut self) -> Result<usize, Error> {
-        let is_enough = |builder: &mut Self, i: usize| -> Result<bool, Error> {
-            let choice = builder.plan(i, &Choice::default())?.choice;
+        let roughly = self.roughly()?;
+        let is_enough = |i: usize| -> Result<bool, Error> {
+            let choice = self.plan(i, &Choice::default())?.choice;
             let sites = choice.kept.iter().filter(|&&kept| kept).count() + choice.interior.len();
             // n points have at most 2 n - 5 triangles; the last level has one at least
-            Ok(2 * sites <= builder.options.coarsest + 5 || sites <= 3)
+            Ok(2 * sites <= self.options.coarsest + 5 || sites <= 3)
         };
-        let mut depth = self.roughly()?;
-        if is_enough(self, depth)? {
-            while depth > 1 && is_enough(self, depth - 1)? {
-                depth -= 1;
-            }
-        } else {
-            while depth < MAX_LEVELS && !is_enough(self, depth)? {
-                depth += 1;
-            }
-        }
-        Ok(depth)
+        first_enough(1, roughly, is_enough)
     }
 
-    /// Selects the facet vertices of levels `first` to `last` (as far as it makes a difference where that is open), coarsest
-    /// level first: for no level to lack what a coarser one needs, all of them are known before any interior node.
-    /// Returns those of level `first`.
-    pub(crate) fn plan_facets(&mut self, first: usize, last: Option<usize>) -> Result<Vec<bool>, Error> {
-        let facets = self.domain.len();
-        let finest = &self.pools[0].candidates;
-        let points = finest.points[..facets].to_vec();
-        let tree = Cow::Owned(KdTree::new(&points));
-        let candidates = Candidates { tree, points: Cow::Owned(points), nodes: finest.nodes[..facets].to_vec().into() };
-        let pool = Pool { candidates, members: (0..facets as u32).collect(), f: Vec::new(), visits: 0 };
-        let parts = self.parts();
-        let last = match last {
-            Some(last) => last,
-            None => {
-                let least = self.spacing_in(0, &pool)?.into_iter().fold(f64::INFINITY, f64::min);
-                let bounds = Bounds::of(pool.candidates.points.iter());
-                let most = COARSEST_SHARE * (0..2).map(|k| bounds.hi[k] - bounds.lo[k]).fold(0.0, f64::max);
-                (first..MAX_LEVELS).find(|&i| least * self.factor(i) >= most).unwrap_or(MAX_LEVELS)
-            }
-        };
-        let mut kept = Vec::new();
-        for i in (first..=last).rev() {
-            let f = self.spacing_in(i, &pool)?;
-            let seeds: &[bool] = if self.options.nested { &kept } else { &[] };
-            kept = select_facets(self.domain, &pool.candidates, &f, seeds, self.terms(&parts), self.progress)?;
-            self.facets.push((i, kept.clone()));
-        }
-        self.facets.reverse();
-        Ok(kept)
-    }
-
-    /// The facet vertices of a level that drops features.
-    fn facets_at(&self, i: usize) -> Vec<bool> {
-        let k = self.facets.partition_point(|at| at.0 < i).min(self.facets.len().saturating_sub(1));
-        self.facets.get(k).map_or_else(Vec::new, |at| at.1.clone())
-    }
-
-    fn parts(&mut self) -> Arc<Parts> {
+    pub(super) fn parts(&mut self) -> Arc<Parts> {
         let (domain, input) = (self.domain, self.input);
         self.parts.get_or_insert_with(|| Arc::new(Parts::new(domain, input))).clone()
     }
 
-    fn terms<'b>(&'b self, parts: &'b Parts) -> Terms<'b> {
+    pub(super) fn terms<'b>(&'b self, parts: &'b Parts) -> Terms<'b> {
         let denser = if self.is_barred.is_empty() { 1.0 } else { DENSER };
-        Terms { rules: self.options.rules, denser, cos_feature: self.options.cos_feature, is_barred: &self.is_barred, parts }
+        Terms {
+            rules: self.options.rules,
+            denser,
+            cos_feature: self.options.cos_feature,
+            is_barred: &self.is_barred,
+            parts,
+        }
     }
 
     fn plan(&mut self, i: usize, seeds: &Choice) -> Result<Plan, Error> {
@@ -290,7 +248,7 @@ impl Builder<'_> {
         Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(all) }
     }
 
-    /// A level made from a source.
+    /// A level made from a source, keeping those of `seeds` that are in it.
     fn anew(
         &mut self,
         ground: &Ground<'_>,
@@ -314,8 +272,7 @@ impl Builder<'_> {
         let (seeds, seeded): (Vec<u32>, Vec<u32>) =
             seeds.interior.iter().filter_map(|node| inside.get(node).map(|&k| (*node, k))).unzip();
         let kept = select_facets(self.domain, candidates, &f, &kept, terms, self.progress)?;
-        let mut choice =
-            select_inside(self.domain, candidates, &f, kept, (&seeds, &seeded), terms, self.progress)?;
+        let mut choice = select_inside(self.domain, candidates, &f, kept, (&seeds, &seeded), terms, self.progress)?;
         let Some(made) = ground.settle(&mut choice, &f, allowed)? else { return Ok(None) };
         let mut at_interior: Vec<(u32, f64)> =
             candidates.nodes[facets..].iter().copied().zip(f[facets..].iter().copied()).collect();
@@ -339,7 +296,8 @@ impl Builder<'_> {
         };
         for attempt in 0..MOST_TRIES {
             let scale = self.options.factor * 0.25f64.powi(attempt);
-            let made = self.anew(ground, &candidates, f.iter().map(|f| f * scale).collect(), &Choice::default(), allowed)?;
+            let made =
+                self.anew(ground, &candidates, f.iter().map(|f| f * scale).collect(), &Choice::default(), allowed)?;
             if made.is_some() {
                 return Ok(made);
             }
@@ -347,8 +305,9 @@ impl Builder<'_> {
         Ok(None)
     }
 
-    /// A level before level i, which changes the area by much: of at most `most_cells`, with the largest spacing that changes
-    /// it by at most `most_change`. Also the share of the factor of level i that it has.
+    /// A level before level i, which changes the area by much, or in place of it: of at most `most_cells`, with the largest
+    /// spacing that changes it by at most `most_change`, keeping what there is of the nodes of level i (`seeds`), so that
+    /// this may still be made from it. Also the share of the factor of level i that it has.
     fn between(
         &mut self,
         ground: &Ground<'_>,

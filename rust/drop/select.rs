@@ -152,8 +152,9 @@ pub fn select_facets(
     rest.extend(walls.into_iter().chain(inner));
     picker.pick(&mut kept, f, &rest)?;
     let nearer: Vec<f64> = f.iter().map(|f| NEARER * f).collect();
+    let most = COSTLY * domain.area();
     for _ in 0..PUT_BACK {
-        let back = costly(domain, &kept, f, may_stay);
+        let back = costly(domain, &kept, f, most, may_stay);
         if !picker.pick(&mut kept, &nearer, &back)? {
             break;
         }
@@ -184,11 +185,10 @@ fn along_chains(domain: &Domain, order: &[u32], kept: &[bool]) -> Vec<u32> {
     walk
 }
 
-/// The farthest vertices of wall chords that change the area much, the costliest first. Chords that leave their chain by more
+/// The farthest vertices of wall chords that change the area by more than `most`, the costliest first. Chords that leave their chain by more
 /// than f will be given up, and have none.
-fn costly(domain: &Domain, kept: &[bool], f: &[f64], may_stay: impl Fn(u32) -> bool) -> Vec<u32> {
+fn costly(domain: &Domain, kept: &[bool], f: &[f64], most: f64, may_stay: impl Fn(u32) -> bool) -> Vec<u32> {
     let mut costly = Vec::new();
-    let most = COSTLY * domain.area();
     for chord in domain.chords(kept).iter().filter(|chord| chord.deviation_2 > 0.0 && may_stay(chord.farthest)) {
         let [a, b] = chord.vertices.map(|v| f[v as usize]);
         let reach = a.max(b);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,8 +12,8 @@ import numpy as np
 from .drop import Ground, Settled
 from .drop_assemble import Dropped
 from .drop_parts import parts_of
-from .drop_select import Terms, select
-from .hierarchy import MAX_LEVELS, STALL, Builder, Made, as_dict, power
+from .drop_select import Terms, select_facets, select_inside
+from .hierarchy import MAX_LEVELS, STALL, Builder, Made, Pool, as_dict, power
 from .level import Candidates, Choice
 from .point import Bools, Floats, Ints
 from .spacing import capped
@@ -24,9 +25,11 @@ DENSER = 1.2
 STEEP = 0.05
 """Where a level changes the area by this share of it more than the finer one, one between is made if that does not."""
 BETWEEN = 3
-"""Spacings that are tried for it."""
+"""Spacings that are tried for it, after the level's own: it may do with other nodes."""
 WORTH_A_LEVEL = 0.8
 """How many of the finer level's cells it may have at most."""
+FEW = 16
+"""Facet vertices are thinned until the coarsest level has about this many cells for each."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +43,21 @@ class Plan:
 
 
 class Dropping:
-    """The levels of a builder that drop features, drawn from the nodes that `wanted` admits where it is given."""
+    """The levels of a builder that drop features."""
 
-    def __init__(self, builder: Builder, wanted: Ints | None) -> None:
+    def __init__(self, builder: Builder) -> None:
         self.builder, self.domain, self.options = builder, builder.domain, builder.options
         self.barred = np.zeros(len(self.domain), np.bool_)
-        rules = builder.rules
         self.parts = parts_of(self.domain, len(builder.points), builder.cells)
-        if wanted is not None:
-            self.barred[:] = [not np.isin(copies, wanted).any() for copies in self.domain.copies]
-            builder.draw_from(wanted)
-            rules = replace(rules, beta=rules.beta * DENSER)
-        self.terms = Terms(rules, math.cos(math.radians(self.options.feature_angle)), self.barred, self.parts)
+        cosine = math.cos(math.radians(self.options.feature_angle))
+        self.terms = Terms(builder.rules, 1.0, cosine, self.barred, self.parts)
+        self.facets: dict[int, Bools] = {}
+
+    def draw_from(self, wanted: Ints) -> None:
+        """Let all levels draw from certain nodes only."""
+        self.barred[:] = [not np.isin(copies, wanted).any() for copies in self.domain.copies]
+        self.builder.draw_from(wanted)
+        self.terms = replace(self.terms, denser=DENSER)
 
     def depth(self) -> int:
         """Return the first level of so few nodes that no triangulation of them has more than `coarsest` cells."""
@@ -62,19 +68,38 @@ class Dropping:
             # n points have at most 2 n - 5 triangles; the last level has one at least
             return 2 * sites <= self.options.coarsest + 5 or sites <= 3
 
-        depth = self.builder.roughly()
-        if is_enough(depth):
-            while depth > 1 and is_enough(depth - 1):
-                depth -= 1
-        else:
-            while depth < MAX_LEVELS and not is_enough(depth):
-                depth += 1
-        return depth
+        return first_enough(1, self.builder.roughly(), is_enough)
+
+    def plan_facets(self, first: int, last: int | None) -> Bools:
+        """Select the facet vertices of levels `first` to `last`, or until hardly any are left; return the first level's.
+
+        Coarsest level first and all before any interior node: a level then has what the coarser ones need, also where
+        it is drawn from few nodes.
+        """
+        facets, options = len(self.domain), self.options
+        finest = self.builder.pools[0].candidates
+        candidates = Candidates(finest.points[:facets], finest.nodes[:facets])
+        pool = Pool(candidates, np.arange(facets), np.empty(0), 0)
+        none = np.zeros(facets, np.bool_)
+
+        def selected(i: int, seeds: Bools) -> Bools:
+            return select_facets(self.domain, candidates, self.builder.spacing_in(i, pool), seeds, self.terms)
+
+        few = max(options.coarsest // FEW, 3)
+        if last is None:
+            about = (i for i in range(first, MAX_LEVELS) if facets <= few * power(options.factor, i))
+            last = first_enough(first, next(about, MAX_LEVELS), lambda i: int(selected(i, none).sum()) <= few)
+        kept = none
+        for i in range(last, first - 1, -1):
+            kept = selected(i, kept if options.nested else none)
+            self.facets[i] = kept
+        return kept
 
     def plan(self, i: int, seeds: Choice) -> Plan:
         """Select level i."""
         at = self.builder.at_hand(i)
-        choice = select(self.domain, at.pool.candidates, at.f, seeds, at.candidate_of, self.terms)
+        kept = self.facets[min(max(i, min(self.facets)), max(self.facets))].copy()
+        choice = select_inside(self.domain, at.pool.candidates, at.f, kept, seeds, at.candidate_of, self.terms)
         at_interior = dict(zip(choice.interior.tolist(), at.f[at.candidate_of[choice.interior]].tolist(), strict=True))
         return Plan(choice, at.f[: len(self.domain)], at_interior, at.visits)
 
@@ -121,13 +146,15 @@ class Dropping:
                 k, has_between = k + 1, False
                 continue
             most = change + STEEP * ground.area
-            is_steep = is_open and not has_between and abs(made[1].area_gained - made[1].area_lost) > most
+            is_steep = is_open and abs(made[1].area_gained - made[1].area_lost) > most
+            tries = 0 if has_between else BETWEEN
             has_between = False
             if is_steep:
-                found = self._between(ground, first + k, done, allowed, (WORTH_A_LEVEL * before, most))
+                bounds = (tries, WORTH_A_LEVEL * before, most)
+                found = self._between(ground, first + k, (plans[k].choice, done), allowed, bounds)
                 if found is not None:
                     share, plan, made = found
-                    has_between, factor = True, factor * share
+                    has_between, factor = share < 1.0, factor * share
             mesh, dropped = made
             now = len(mesh.cells)
             is_last = is_open and now <= options.coarsest
@@ -173,15 +200,18 @@ class Dropping:
         return Candidates(self.builder.points[nodes], nodes)
 
     def _anew(
-        self, ground: Ground, source: Candidates, f: Floats, allowed: Bools | None
+        self, ground: Ground, source: Candidates, f: Floats, seeds: Choice, allowed: Bools | None
     ) -> tuple[Plan, Settled] | None:
-        """Make a level from a source."""
+        """Make a level from a source, keeping those of `seeds` that are in it."""
         facets, terms = len(self.domain), self.terms
         if allowed is not None:
             barred = np.array([not allowed[copies].any() for copies in self.domain.copies], np.bool_)
             terms = replace(terms, barred=barred)
-        none = np.empty(0, np.int64)
-        choice = select(self.domain, source, f, self.builder.no_seeds(), none, terms)
+        kept = select_facets(self.domain, source, f, seeds.kept & ~terms.barred, terms)
+        candidate_of = np.full(len(self.builder.points), -1)
+        candidate_of[source.nodes[facets:]] = np.arange(facets, len(source.nodes))
+        seeds = replace(seeds, interior=seeds.interior[candidate_of[seeds.interior] >= 0])
+        choice = select_inside(self.domain, source, f, kept, seeds, candidate_of, terms)
         choice, made = ground.settle(choice, f[:facets], allowed)
         if made is None:
             return None
@@ -197,24 +227,35 @@ class Dropping:
             inside = source.nodes[len(self.domain) :].tolist()
             spacing = np.concatenate([finer.at_facets, [finer.at_interior.get(node, 0.0) for node in inside]])
         for attempt in range(MOST_TRIES):
-            made = self._anew(ground, source, spacing * (self.options.factor * 0.25**attempt), allowed)
+            f = spacing * (self.options.factor * 0.25**attempt)
+            made = self._anew(ground, source, f, self.builder.no_seeds(), allowed)
             if made is not None:
                 return made
         return None
 
     def _between(
-        self, ground: Ground, i: int, finer: Plan | None, allowed: Bools | None, bounds: tuple[float, float]
+        self,
+        ground: Ground,
+        i: int,
+        seeds_finer: tuple[Choice, Plan | None],
+        allowed: Bools | None,
+        bounds: tuple[int, float, float],
     ) -> tuple[float, Plan, Settled] | None:
-        """Make a level before level i, with the largest spacing that keeps to the bounds of cells and of area."""
+        """Make a level before level i, or in place of it.
+
+        It has the largest spacing that keeps to the bounds of cells and of area, and keeps what there is of the nodes
+        of level i, so that this may still be made from it.
+        """
         if self.options.method == "threshold":
             return None
-        most_cells, most_change = bounds
+        seeds, finer = seeds_finer
+        most_tries, most_cells, most_change = bounds
         source, builder = self._source(finer), self.builder
-        for attempt in range(1, BETWEEN + 1):
+        for attempt in range(most_tries + 1):
             share = self.options.factor ** (-attempt / (BETWEEN + 1))
             factor = share * power(self.options.factor, i)
             f = capped(builder.finest, builder.g, builder.cap, factor, builder.rules.gradation, source.points)
-            found = self._anew(ground, source, f, allowed)
+            found = self._anew(ground, source, f, seeds, allowed)
             if found is None:
                 continue
             plan, made = found
@@ -229,14 +270,33 @@ def build_dropping(builder: Builder) -> Made:
     """Build the levels of ``features="drop"``, or of ``"auto"``, which keeps features while that is worth it."""
     options, wanted = builder.options, builder.options.levels
     if options.features == "drop":
-        dropping = Dropping(builder, None)
+        dropping = Dropping(builder)
+        dropping.plan_facets(1, wanted)
         return builder.ended(dropping.levels(1, dropping.depth() if wanted is None else wanted, None))
     last, is_enough = last_worth_keeping(builder)
-    levels = builder.levels(last)
+    dropping, seeds = Dropping(builder.freed()), builder.no_seeds()
+    if not is_enough:
+        # what the levels that drop features are to keep, so that they have it to draw from
+        facets = dropping.plan_facets(last + 1, wanted)
+        seeds.kept[:] = facets & options.nested
+    levels = builder.levels(last, seeds)
     finer = levels[-1] if levels else None
-    dropping = Dropping(builder.freed(), finer["nodes"] if finer is not None and options.nested else None)
+    if finer is not None and options.nested:
+        dropping.draw_from(finer["nodes"])
     depth = wanted if wanted is not None else last if is_enough else max(dropping.depth(), last + 1)
     return builder.ended(levels + dropping.levels(last + 1, depth, finer))
+
+
+def first_enough(first: int, guess: int, is_enough: Callable[[int], bool]) -> int:
+    """Return the first level from `first` on that is coarse enough, searched for from a guess on."""
+    level = guess
+    if is_enough(level):
+        while level > first and is_enough(level - 1):
+            level -= 1
+    else:
+        while level < MAX_LEVELS and not is_enough(level):
+            level += 1
+    return level
 
 
 def last_worth_keeping(builder: Builder) -> tuple[int, bool]:

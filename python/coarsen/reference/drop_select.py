@@ -10,7 +10,7 @@ no larger than f has no nodes at all.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,18 +35,31 @@ class Terms:
     """What selection goes by; `barred` are the facet vertices that may not be kept."""
 
     rules: Rules
+    denser: float
+    """By how much nodes may be nearer inside."""
     cos_feature: float
     barred: Bools
     parts: Parts
 
 
-def select(
-    domain: Domain, candidates: Candidates, f: Floats, seeds: Choice, candidate_of: Ints, terms: Terms
+def select_inside(
+    domain: Domain, candidates: Candidates, f: Floats, kept: Bools, seeds: Choice, candidate_of: Ints, terms: Terms
 ) -> Choice:
-    """Select a level's nodes among the candidates, keeping `seeds`; see `coarsen.reference.level.select`."""
-    facets, rules = len(domain), terms.rules
-    seeded = candidate_of[seeds.interior]
-    kept = seeds.kept.copy()
+    """Select a level's interior nodes beside the facet vertices that it keeps, keeping the interior nodes of `seeds`."""
+    facets, rules = len(domain), replace(terms.rules, beta=terms.rules.beta * terms.denser)
+    chords = valid_chords(domain, kept, f[:facets], candidates.points[candidate_of[seeds.interior]], [])
+    interior, _ = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
+    lost = _no_larger(domain, terms.parts, specks(domain, f[:facets]))
+    interior = (
+        interior[[min(terms.parts.of_node[node]) not in lost for node in interior.tolist()]] if lost else interior
+    )
+    return Choice(kept, interior, chords)
+
+
+def select_facets(domain: Domain, candidates: Candidates, f: Floats, seeds: Bools, terms: Terms) -> Bools:
+    """Select a level's facet vertices, keeping `seeds` (those of the next coarser level)."""
+    facets = len(domain)
+    kept = seeds.copy()
     is_speck = specks(domain, f[:facets])
     room = f.copy()
     corners: list[tuple[float, int]] = []
@@ -71,14 +84,12 @@ def select(
     points = candidates.points
     if terms.parts.count > 1:
         # each group of parts on a plane of its own, farther apart than any two points conflict
-        taking_part = np.concatenate([np.arange(facets), seeded]).astype(np.int64)
         height = np.zeros(len(points))
-        height[taking_part] = terms.parts.group[candidates.nodes[taking_part]] * (2.0 * f[taking_part].max(initial=0.0))
+        height[:facets] = terms.parts.group[candidates.nodes[:facets]] * (2.0 * f[:facets].max(initial=0.0))
         points = np.column_stack([points, height])
 
     def join(order: list[int], spacing: Floats) -> bool:
-        keep = np.concatenate([np.flatnonzero(kept), seeded])
-        joined = greedy(points, spacing, rules.beta, np.array(order, np.int64), keep)
+        joined = greedy(points, spacing, terms.rules.beta, np.array(order, np.int64), np.flatnonzero(kept))
         kept[joined] = True
         return len(joined) > 0
 
@@ -88,16 +99,11 @@ def select(
     walls = [v for v, inner in zip(walk, is_inner, strict=True) if not inner]
     interfaces = [v for v, inner in zip(walk, is_inner, strict=True) if inner]
     join([v for _, v in sorted(lesser)] + walls + interfaces, f)
+    most = COSTLY * _area(domain)
     for _ in range(PUT_BACK):
-        if not join(costly(domain, kept, f, may_stay), NEARER * f):
+        if not join(costly(domain, kept, f, most, may_stay), NEARER * f):
             break
-    chords = valid_chords(domain, kept, f[:facets], candidates.points[seeded], [])
-    interior, _ = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
-    lost = _no_larger(domain, terms.parts, is_speck)
-    interior = (
-        interior[[min(terms.parts.of_node[node]) not in lost for node in interior.tolist()]] if lost else interior
-    )
-    return Choice(kept, interior, chords)
+    return kept
 
 
 def _is_outer(domain: Domain, c: int) -> bool:
@@ -124,9 +130,8 @@ def along_chains(domain: Domain, asked: set[int], kept: Bools) -> list[int]:
     return list(walk)
 
 
-def costly(domain: Domain, kept: Bools, f: Floats, may_stay: Callable[[int], bool]) -> list[int]:
-    """Return the farthest vertices of wall chords that change the area much, the costliest first."""
-    most = COSTLY * _area(domain)
+def costly(domain: Domain, kept: Bools, f: Floats, most: float, may_stay: Callable[[int], bool]) -> list[int]:
+    """Return the farthest vertices of wall chords that change the area by more than `most`, the costliest first."""
     found = []
     for chord in chords_of(domain, kept):
         if (

@@ -297,10 +297,9 @@ class Builder:
                 return depth if depth > 1 or now <= STALL * len(self.cells) else 0
             depth += 1
 
-    def levels(self, depth: int) -> list[dict[str, Any]]:
-        """Make levels 1 to `depth`, coarsest first; return them finest first."""
+    def levels(self, depth: int, seeds: Choice) -> list[dict[str, Any]]:
+        """Make levels 1 to `depth`, coarsest first, keeping the nodes of `seeds`; return them finest first."""
         levels: list[dict[str, Any]] = []
-        seeds = self.no_seeds()
         for i in range(depth, 0, -1):
             level, choice = self.level(i, seeds)
             seeds = choice if self.options.nested else seeds
@@ -309,7 +308,8 @@ class Builder:
 
     def build(self) -> Made:
         """Build the levels."""
-        return self.ended(self.levels(self.depth() if self.options.levels is None else self.options.levels))
+        depth = self.depth() if self.options.levels is None else self.options.levels
+        return self.ended(self.levels(depth, self.no_seeds()))
 
     def ended(self, levels: list[dict[str, Any]]) -> Made:
         """Return levels as a hierarchy: one of open depth ends at the first of at most `coarsest` cells."""
