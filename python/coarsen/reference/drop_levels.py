@@ -71,7 +71,7 @@ class Dropping:
         return first_enough(1, self.builder.roughly(), is_enough)
 
     def plan_facets(self, first: int, last: int | None) -> Bools:
-        """Select the facet vertices of levels `first` to `last`, or until hardly any are left; return the first level's.
+        """Select the facet vertices of levels `first` to `last`, or until few are left; return the first level's.
 
         Coarsest level first and all before any interior node: a level then has what the coarser ones need, also where
         it is drawn from few nodes.

@@ -45,7 +45,7 @@ class Terms:
 def select_inside(
     domain: Domain, candidates: Candidates, f: Floats, kept: Bools, seeds: Choice, candidate_of: Ints, terms: Terms
 ) -> Choice:
-    """Select a level's interior nodes beside the facet vertices that it keeps, keeping the interior nodes of `seeds`."""
+    """Select a level's interior nodes beside its facet vertices, keeping the interior nodes of `seeds`."""
     facets, rules = len(domain), replace(terms.rules, beta=terms.rules.beta * terms.denser)
     chords = valid_chords(domain, kept, f[:facets], candidates.points[candidate_of[seeds.interior]], [])
     interior, _ = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
@@ -59,7 +59,7 @@ def select_inside(
 def select_facets(domain: Domain, candidates: Candidates, f: Floats, seeds: Bools, terms: Terms) -> Bools:
     """Select a level's facet vertices, keeping `seeds` (those of the next coarser level)."""
     facets = len(domain)
-    kept = seeds.copy()
+    kept: Bools = seeds.copy()
     is_speck = specks(domain, f[:facets])
     room = f.copy()
     corners: list[tuple[float, int]] = []
