@@ -41,7 +41,7 @@ def test_nodes_in_a_cell_on_their_side_are_interpolated_there(features):
     assert checked > 1000
 
 
-@pytest.mark.parametrize(("features", "most"), [("keep", 0.0), ("drop", 0.01)])
+@pytest.mark.parametrize(("features", "most"), [("keep", 0.0), ("drop", 0.02)])
 def test_nodes_outside_take_values_of_the_boundary_that_their_piece_of_the_finer_mesh_meets(features, most):
     # with "drop", a piece may hang on a node where parts only touch, about which the oracle knows too little
     strange = checked = 0
