@@ -159,3 +159,97 @@ impl Trimmed {
         found.len() == added.len()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::order::sort_sites;
+    use super::super::trim::{Trimmed, least_angle};
+    use crate::domain::Chord;
+    use crate::point::Point;
+    use crate::triangulation::{Constraint, hull, sort_spatially};
+
+    /// Numbers below a bound, the same ones every time.
+    fn numbers(mut state: u64) -> impl FnMut(usize) -> usize {
+        move |bound| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as usize % bound
+        }
+    }
+
+    fn chord(name: u32, vertices: [u32; 2]) -> Chord {
+        Chord { chain: name, from: 0, to: 1, vertices, farthest: 0, deviation_2: 0.0 }
+    }
+
+    /// The triangulation of some points, in order, and the chords that are no edges of it.
+    fn anew(points: &[Point<2>], sites: &[u32], chords: &[Chord]) -> (Trimmed, Vec<u32>) {
+        let mut sites = sites.to_vec();
+        sort_spatially(&mut sites, |s| points[s as usize]);
+        let mut points: Vec<Point<2>> = sites.iter().map(|&s| points[s as usize]).collect();
+        let place = |v: u32| sites.iter().position(|&s| s == v).expect("an end of a chord is a site") as u32;
+        let constraint = |c: &Chord| Constraint { ends: c.vertices.map(place), left: true, right: true, wall: true };
+        let constraints: Vec<Constraint> = chords.iter().map(constraint).collect();
+        let (mut cells, failed) = hull(&points, &constraints).expect("no points repeat");
+        sort_sites(&mut sites, &mut points, &mut cells);
+        let angle = cells.cells.iter().map(|cell| least_angle(&cell.map(|s| points[s as usize]))).collect();
+        let (label, part, parts_at, is_slit) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut trimmed = Trimmed { label, part, parts_at, is_slit, sites, points, cells, angle };
+        trimmed.sort_cells();
+        (trimmed, failed)
+    }
+
+    #[test]
+    fn what_is_mended_is_what_would_be_made_anew() {
+        let mut mended = 0;
+        for seed in 0..400 {
+            let mut next = numbers(seed);
+            // on a small grid, where many points lie on one circle, and on a large one
+            let side = if seed % 2 == 0 { 12 } else { 1 << 20 };
+            let mut points: Vec<Point<2>> = (0..100).map(|_| [next(side) as f64, next(side) as f64]).collect();
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+            points.dedup();
+            let n = points.len();
+            (1..n).rev().for_each(|k| points.swap(k, next(k + 1)));
+            let all: Vec<u32> = (0..n as u32).collect();
+            // edges of the triangulation, some of them as chords, and some that are no edges yet
+            let free = anew(&points, &all, &[]).0;
+            let mut pairs: Vec<[u32; 2]> =
+                (0..12).map(|_| free.cells.cells[next(free.cells.cells.len())]).map(|[a, b, _]| [a, b]).collect();
+            pairs.extend((0..4).map(|_| [next(n) as u32, next(n) as u32]).filter(|[a, b]| a != b));
+            pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+            pairs.sort_unstable();
+            pairs.dedup();
+            let mut old: Vec<Chord> = (0..).zip(&pairs).map(|(k, &pair)| chord(k, pair)).collect();
+            let failed = anew(&points, &all, &old).1;
+            let mut at = 0;
+            old.retain(|_| {
+                at += 1;
+                !failed.contains(&(at - 1))
+            });
+            let (before, failed) = anew(&points, &all, &old);
+            if !failed.is_empty() {
+                continue;
+            }
+            let gone: Vec<u32> = (0..1 + next(4)).map(|_| next(n) as u32).collect();
+            let left: Vec<u32> = all.into_iter().filter(|s| !gone.contains(s)).collect();
+            let mut new: Vec<Chord> =
+                old.iter().filter(|c| !c.vertices.iter().any(|v| gone.contains(v))).copied().collect();
+            new.retain(|_| next(4) > 0);
+            (1..new.len()).rev().for_each(|k| new.swap(k, next(k + 1)));
+            // an edge becomes a chord
+            let [a, b, _] = free.cells.cells[next(free.cells.cells.len())];
+            if !pairs.contains(&[a.min(b), a.max(b)]) && left.contains(&a) && left.contains(&b) {
+                new.push(chord(1000, [b, a]));
+            }
+            let Some(again) = before.again(&left, &old, &new) else { continue };
+            let (made, failed) = anew(&points, &left, &new);
+            assert!(failed.is_empty(), "{seed}");
+            assert_eq!((&again.sites, &again.points), (&made.sites, &made.points), "{seed}");
+            assert_eq!(again.cells.cells, made.cells.cells, "{seed}");
+            assert_eq!(again.cells.neighbours, made.cells.neighbours, "{seed}");
+            assert_eq!(again.cells.constraints, made.cells.constraints, "{seed}");
+            assert_eq!(again.angle, made.angle, "{seed}");
+            mended += 1;
+        }
+        assert!(mended > 100, "{mended}");
+    }
+}
