@@ -135,7 +135,9 @@ def local_similarity(finer: Level, coarser: Level, name: str = "rust") -> NDArra
     one, two = finer.mesh, coarser.mesh
     if one.dim == 1:
         return _line_similarity(one, two)
-    indptr, indices, areas = backend(name).overlap(one.points, one.cells, two.points, two.cells, injection, None)
+    indptr, indices, areas = backend(name).overlap(
+        one.points, one.cells, one.boundary_facets, two.points, two.cells, injection, None
+    )
     lengths = np.where(areas > 0, longest_edges(two)[indices], 0.0)
     longest = np.zeros(one.n_cells)
     some = indptr[:-1] < indptr[1:]
