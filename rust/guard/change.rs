@@ -132,10 +132,11 @@ impl Work<'_> {
             return false;
         }
         let candidate = &self.candidate;
+        let room = if self.is_last { 0.0 } else { guard.room };
         let fits = |w: u32| {
             let other = candidate[w as usize] as usize;
             let near = (f + scene.f[other]) / guard.beta;
-            distance(&p, &scene.candidates.points[other]) >= guard.room * near
+            distance(&p, &scene.candidates.points[other]) >= room * near
         };
         let is_there = if change.chord == NONE {
             self.patch.insert(v, from, fits)

@@ -20,6 +20,9 @@ const FOLLOWED: [&[usize]; 2] = [&[16], &[8, 4]];
 /// Changes that are tried in chains on any level, and those that each node allows more.
 const TRIES: (usize, usize) = (5000, 5);
 
+/// The angle that matters most, in radians: cells still under it are gone over again, and anything that betters them is kept.
+const LEAST: f64 = 15.0 * std::f64::consts::PI / 180.0;
+
 /// How much wider than the bound the angle is under which an inserted node shall see the shortest edge.
 const COMFORT: f64 = 1.25;
 
@@ -29,9 +32,15 @@ struct Found {
     bad: usize,
     /// Cosine of the smallest angle it leaves.
     after: f64,
-    /// Whether that is better than what it takes away.
-    is_better: bool,
     change: Change,
+}
+
+/// Changes that leave the worst cell they touch better than it was.
+pub(super) struct Best {
+    /// Cosine of the smallest angle they leave, and how many cells under the bound.
+    after: (f64, usize),
+    /// The changes, and the cells at which they are made.
+    steps: Vec<(Change, u32)>,
 }
 
 impl<'a> Work<'a> {
@@ -69,6 +78,9 @@ impl<'a> Work<'a> {
             most_added: (BUDGET * own as f64) as i64 - scene.surplus,
             tries_left: TRIES.0 + TRIES.1 * candidate.len(),
             sharp: guard.min_angle.cos(),
+            is_last: false,
+            steps: Vec::new(),
+            best: None,
             scene,
             guard,
             candidate,
@@ -78,17 +90,26 @@ impl<'a> Work<'a> {
 
     /// Does the work; `choice` becomes that of the level returned.
     pub(super) fn done(mut self, sites: &[u32], choice: &mut Choice) -> (Triangulated, Outcome) {
-        let (patch, sharp) = (&self.patch, self.sharp);
-        let mut bad: Vec<u32> =
-            (0..patch.len() as u32).into_par_iter().filter(|&t| patch.sharpness(t) > sharp).collect();
-        for _ in 0..MOST_ROUNDS {
-            bad = self.round(bad);
-            if bad.is_empty() {
-                break;
+        for bound in [self.guard.min_angle, self.guard.min_angle.min(LEAST)] {
+            self.sharp = bound.cos();
+            let mut bad = self.under();
+            for _ in 0..MOST_ROUNDS {
+                if bad.is_empty() {
+                    break;
+                }
+                bad = self.round(bad);
             }
+            self.is_last = true;
         }
         let outcome = Outcome { crowded: self.crowded(sites.len()), surplus: (self.scene.surplus + self.added).max(0) };
         (self.finish(sites, choice), outcome)
+    }
+
+    /// The cells under the bound.
+    fn under(&self) -> Vec<u32> {
+        let (patch, sharp) = (&self.patch, self.sharp);
+        let is_under = |&t: &u32| patch.corners(t).is_some() && patch.sharpness(t) > sharp;
+        (0..patch.len() as u32).into_par_iter().filter(is_under).collect()
     }
 
     fn is_bad(&self, t: u32) -> bool {
@@ -128,6 +149,7 @@ impl<'a> Work<'a> {
     /// Tries to better one cell; the changes that are kept are left at hand.
     fn mend(&mut self, t: u32, corners: [u32; 3]) -> bool {
         let mut found = Vec::new();
+        self.best = None;
         if self.try_each(t, corners, &mut found) {
             return true;
         }
@@ -135,8 +157,8 @@ impl<'a> Work<'a> {
         if FOLLOWED.into_iter().any(|widths| self.follow(t, &found, widths)) {
             return true;
         }
-        let best = found.iter().filter(|one| one.is_better).min_by(|a, b| a.after.total_cmp(&b.after));
-        best.is_some_and(|one| self.apply(one.change, t))
+        let Some(best) = self.best.take() else { return false };
+        best.steps.into_iter().all(|(change, t)| self.apply(change, t))
     }
 
     /// Follows the most promising changes by one that mends the worst cell they leave, and so on.
@@ -145,12 +167,14 @@ impl<'a> Work<'a> {
             if self.tries_left == 0 || !self.apply(one.change, t) {
                 continue;
             }
+            self.steps.push((one.change, t));
             let left =
                 self.patch.difference().1.into_iter().map(|t| (self.patch.sharpness(t), self.patch.sorted_names(t), t));
             let worst = left.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, _, t)| t);
             if let Some((worst, corners)) = worst.and_then(|t| Some((t, self.patch.corners(t)?))) {
                 let mut next = Vec::new();
                 if self.try_each(worst, corners, &mut next) {
+                    self.steps.clear();
                     return true;
                 }
                 next.sort_by(|a, b| a.bad.cmp(&b.bad).then(a.after.total_cmp(&b.after)));
@@ -158,6 +182,7 @@ impl<'a> Work<'a> {
                     return true;
                 }
             }
+            self.steps.pop();
             self.undo(one.change);
         }
         false
@@ -199,7 +224,9 @@ impl<'a> Work<'a> {
             if k < self.scene.domain.len() {
                 continue;
             }
-            for k in self.near(self.patch.point(v), self.scene.f[k] / self.guard.beta) {
+            for k in self
+                .near(self.patch.point(v), (if self.is_last { 3.0 } else { 1.0 }) * self.scene.f[k] / self.guard.beta)
+            {
                 if self.attempt(Change::exchange(v, k), t, found) {
                     return true;
                 }
@@ -243,7 +270,12 @@ impl<'a> Work<'a> {
                 return true;
             }
             let bad = made.iter().filter(|&&t| self.is_bad(t)).count();
-            found.push(Found { bad, after, is_better: after < before, change });
+            let is_best = self.best.as_ref().is_none_or(|best| (after, bad) < best.after);
+            if after < before && is_best && (self.is_last || self.steps.is_empty()) {
+                let steps = self.steps.iter().copied().chain([(change, t)]).collect();
+                self.best = Some(Best { after: (after, bad), steps });
+            }
+            found.push(Found { bad, after, change });
         }
         self.undo(change);
         false
@@ -294,7 +326,8 @@ impl<'a> Work<'a> {
         let comfortable = 0.5 * short.sqrt() / (0.5 * COMFORT * self.guard.min_angle).tan();
         let height = height.min(comfortable);
         let place = [a[0] + 0.5 * dx - dy / short.sqrt() * height, a[1] + 0.5 * dy + dx / short.sqrt() * height];
-        (place, height.max(0.5 * short.sqrt()))
+        let radius = (ux * ux + uy * uy).sqrt();
+        (place, if self.is_last { radius } else { height.max(0.5 * short.sqrt()) })
     }
 
     /// Inserted candidates and those that they conflict with.

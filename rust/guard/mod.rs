@@ -99,6 +99,12 @@ struct Work<'a> {
     tries_left: usize,
     /// Cosine of the bound.
     sharp: f64,
+    /// Whether chains count that better a cell without lifting it over the bound.
+    is_last: bool,
+    /// The changes at hand, and the cells at which they were made.
+    steps: Vec<(change::Change, u32)>,
+    /// What betters the cell at hand most.
+    best: Option<mend::Best>,
 }
 
 /// Betters a level; its choice follows.
