@@ -20,8 +20,14 @@ const FOLLOWED: [&[usize]; 2] = [&[16], &[8, 4]];
 /// Changes that are tried in chains on any level, and those that each node allows more.
 const TRIES: (usize, usize) = (5000, 5);
 
-/// The angle that matters most, in radians: cells still under it are gone over again, and anything that betters them is kept.
+/// The angle that matters most, in radians: cells still under it are gone over again.
 const LEAST: f64 = 15.0 * std::f64::consts::PI / 180.0;
+
+/// Nodes that may then be added beyond the budget, which other cells may have used up.
+const MORE: i64 = 2;
+
+/// How much further away nodes are exchanged then.
+const WIDER: f64 = 3.0;
 
 /// How much wider than the bound the angle is under which an inserted node shall see the shortest edge.
 const COMFORT: f64 = 1.25;
@@ -100,6 +106,8 @@ impl<'a> Work<'a> {
                 bad = self.round(bad);
             }
             self.is_last = true;
+            self.most_added += MORE;
+            self.tries_left += TRIES.0;
         }
         let outcome = Outcome { crowded: self.crowded(sites.len()), surplus: (self.scene.surplus + self.added).max(0) };
         (self.finish(sites, choice), outcome)
@@ -224,9 +232,8 @@ impl<'a> Work<'a> {
             if k < self.scene.domain.len() {
                 continue;
             }
-            for k in self
-                .near(self.patch.point(v), (if self.is_last { 3.0 } else { 1.0 }) * self.scene.f[k] / self.guard.beta)
-            {
+            let wider = if self.is_last { WIDER } else { 1.0 };
+            for k in self.near(self.patch.point(v), wider * self.scene.f[k] / self.guard.beta) {
                 if self.attempt(Change::exchange(v, k), t, found) {
                     return true;
                 }
@@ -326,8 +333,11 @@ impl<'a> Work<'a> {
         let comfortable = 0.5 * short.sqrt() / (0.5 * COMFORT * self.guard.min_angle).tan();
         let height = height.min(comfortable);
         let place = [a[0] + 0.5 * dx - dy / short.sqrt() * height, a[1] + 0.5 * dy + dx / short.sqrt() * height];
-        let radius = (ux * ux + uy * uy).sqrt();
-        (place, if self.is_last { radius } else { height.max(0.5 * short.sqrt()) })
+        if self.is_last {
+            let (radius, longest) = ((ux * ux + uy * uy).sqrt(), lengths.into_iter().fold(0.0, f64::max));
+            return (place, if radius < longest { radius } else { longest });
+        }
+        (place, height.max(0.5 * short.sqrt()))
     }
 
     /// Inserted candidates and those that they conflict with.

@@ -8,6 +8,9 @@ of changes are tried: the most promising ones, each followed by one that mends t
 Else the best single change that betters the worst cell it touches is kept. Angles between two facets are left aside,
 unless the guard bent one of them.
 
+Cells that are then still under 15 degrees are gone over again, by wider means: chains count that better a cell without
+lifting it over the bound, candidates come from further away, and may come nearer to other nodes.
+
 Points are candidates here.
 """
 
@@ -35,6 +38,12 @@ FOLLOWED = ((16,), (8, 4))
 """How many of the changes tried at a cell are followed by others, for chains of two and of three."""
 TRIES = (5000, 5)
 """Changes that are tried in chains on any level, and those that each node allows more."""
+LEAST = 15.0 * math.pi / 180.0
+"""The angle that matters most, in radians: cells still under it are gone over again."""
+MORE = 2
+"""Nodes that may then be added beyond the budget, which other cells may have used up."""
+WIDER = 3.0
+"""How much further away nodes are exchanged then."""
 SPAN = 1.4
 """Vertices spanned by a joined chord stay within this many times the distance of a conflict with either end."""
 COMFORT = 1.25
@@ -56,9 +65,17 @@ class Found:
 
     bad: int
     after: float
-    is_better: bool
-    """Than what it takes away."""
     change: Change
+
+
+@dataclass(frozen=True)
+class Best:
+    """Changes that leave the worst cell they touch better than it was."""
+
+    after: tuple[float, int]
+    """Cosine of the smallest angle they leave, and how many cells under the bound."""
+    steps: list[tuple[Change, Cell]]
+    """The changes, and the cells at which they are made."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +149,9 @@ class Guard:
         self.free = ~scene.seeded
         self.free[:facets] &= bends & ~self.domain.corner
         self.sharp = math.cos(rule.min_angle)
+        self.is_last = False
+        self.steps: list[tuple[Change, Cell]] = []
+        self.best: Best | None = None
         self.added = 0
         self.most_added = int(BUDGET * (count - scene.seeds.surplus)) - scene.seeds.surplus
         self.tries_left = TRIES[0] + TRIES[1] * count
@@ -141,11 +161,16 @@ class Guard:
 
     def work(self) -> Outcome:
         """Better the level."""
-        bad = self._bad(self.patch.cells())
-        for _ in range(MOST_ROUNDS):
-            bad = self._round(bad)
-            if not bad:
-                break
+        for bound in (self.rule.min_angle, min(self.rule.min_angle, LEAST)):
+            self.sharp = math.cos(bound)
+            bad = self._bad(self.patch.cells())
+            for _ in range(MOST_ROUNDS):
+                if not bad:
+                    break
+                bad = self._round(bad)
+            self.is_last = True
+            self.most_added += MORE
+            self.tries_left += TRIES[0]
         facets = len(self.domain)
         choice = replace(
             self.choice,
@@ -175,28 +200,32 @@ class Guard:
     def _mend(self, cell: Cell) -> bool:
         """Try to better one cell; changes that are kept are left at hand."""
         found: list[Found] = []
+        self.best = None
         if self._try_each(cell, found):
             return True
         found.sort(key=lambda one: (one.bad, one.after))
         if any(self._follow(cell, found, widths) for widths in FOLLOWED):
             return True
-        best = min((one for one in found if one.is_better), key=lambda one: one.after, default=None)
-        return best is not None and self._apply(best.change, cell)
+        best: Best | None = self.best
+        return best is not None and all(self._apply(change, at) for change, at in best.steps)
 
     def _follow(self, cell: Cell, found: list[Found], widths: tuple[int, ...]) -> bool:
         """Follow the most promising changes by one that mends the worst cell they leave, and so on."""
         for one in found[: widths[0]]:
             if self.tries_left == 0 or not self._apply(one.change, cell):
                 continue
+            self.steps.append((one.change, cell))
             left = self.patch.difference()[1]
             if left:
                 worst = min(left, key=lambda cell: (-self.patch.sharpness(cell), self.patch.sorted_names(cell)))
                 then: list[Found] = []
                 if self._try_each(worst, then):
+                    self.steps.clear()
                     return True
                 then.sort(key=lambda one: (one.bad, one.after))
                 if len(widths) > 1 and self._follow(worst, then, widths[1:]):
                     return True
+            self.steps.pop()
             self._undo(one.change)
         return False
 
@@ -213,7 +242,11 @@ class Guard:
                 after = max(sharp, default=-1.0)
                 if after <= self.sharp:
                     return True
-                found.append(Found(sum(s > self.sharp for s in sharp), after, after < before, change))
+                bad = sum(s > self.sharp for s in sharp)
+                is_best = self.best is None or (after, bad) < self.best.after
+                if after < before and is_best and (self.is_last or not self.steps):
+                    self.best = Best((after, bad), [*self.steps, (change, cell)])
+                found.append(Found(bad, after, change))
             self._undo(change)
         return False
 
@@ -241,7 +274,7 @@ class Guard:
         yield from (Change(v) for v in free)
         for v in free:
             if v >= len(self.domain):
-                reach = float(self.f[v]) / self.rule.beta
+                reach = (WIDER if self.is_last else 1.0) * float(self.f[v]) / self.rule.beta
                 yield from (Change(v, k) for k in self._near(self.candidates.points[v], reach))
 
     # --- making a change -------------------------------------------------------------------------------------------
@@ -301,10 +334,11 @@ class Guard:
 
     def _join(self, new: int, chord: int | None, cell: Cell) -> bool:
         p, f = self.candidates.points, self.f
+        room = 0.0 if self.is_last else self.rule.room
 
         def fits(w: int) -> bool:
             near = (f[new] + f[w]) / self.rule.beta
-            return bool(distance(p[new], p[w]) >= self.rule.room * near)
+            return bool(distance(p[new], p[w]) >= room * near)
 
         if chord is None:
             return self.patch.insert(new, cell, fits)
@@ -390,6 +424,9 @@ class Guard:
             a[0] + 0.5 * dx - dy / math.sqrt(short) * height,
             a[1] + 0.5 * dy + dx / math.sqrt(short) * height,
         )
+        if self.is_last:
+            radius, longest = math.sqrt(ux * ux + uy * uy), max(lengths)
+            return place, radius if radius < longest else longest
         return place, max(height, 0.5 * math.sqrt(short))
 
     def _crowded(self) -> dict[int, float]:
