@@ -23,8 +23,8 @@ const TRIES: (usize, usize) = (5000, 5);
 /// The angle that matters most, in radians: cells still under it are gone over again.
 const LEAST: f64 = 15.0 * std::f64::consts::PI / 180.0;
 
-/// Nodes that may then be added beyond the budget, which other cells may have used up.
-const MORE: i64 = 2;
+/// Nodes of the budget that are left for these.
+const RESERVE: i64 = 2;
 
 /// How much further away nodes are exchanged then.
 const WIDER: f64 = 3.0;
@@ -70,7 +70,7 @@ impl<'a> Work<'a> {
         let mut sides = vec![0; domain.chains.len()];
         choice.chords.iter().for_each(|chord| sides[chord.chain as usize] += 1);
         let names = candidate.par_iter().map(|&k| scene.candidates.nodes[k as usize]).collect();
-        let own = candidate.len() as i64 - scene.surplus;
+        let budget = (BUDGET * (candidate.len() as i64 - scene.surplus) as f64) as i64 - scene.surplus;
         Work {
             patch: Patch::new(level.points.clone(), names, &level.cells, choice.chords.len()),
             chords: choice.chords.clone(),
@@ -81,7 +81,8 @@ impl<'a> Work<'a> {
             gone: Vec::new(),
             sites_before: candidate.len(),
             added: 0,
-            most_added: (BUDGET * own as f64) as i64 - scene.surplus,
+            budget,
+            most_added: budget - RESERVE,
             tries_left: TRIES.0 + TRIES.1 * candidate.len(),
             sharp: guard.min_angle.cos(),
             is_last: false,
@@ -106,7 +107,7 @@ impl<'a> Work<'a> {
                 bad = self.round(bad);
             }
             self.is_last = true;
-            self.most_added += MORE;
+            self.most_added = self.budget;
             self.tries_left += TRIES.0;
         }
         let outcome = Outcome { crowded: self.crowded(sites.len()), surplus: (self.scene.surplus + self.added).max(0) };

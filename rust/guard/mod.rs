@@ -9,6 +9,9 @@
 //! and once more. Else the best single change that betters the worst cell it touches is kept; so a level never gets
 //! worse, and the guard ends.
 //!
+//! Cells that are then still under 15 degrees are gone over again, by wider means: chains count that better a cell without
+//! lifting it over the bound, candidates come from further away, and may come nearer to other nodes.
+//!
 //! A candidate is allowed inside the coarse domain, also nearer to its facets than delta * f (angles are measured here,
 //! not feared), where its distance to every neighbour leaves it independent on the next finer level. All triangulation
 //! is local, Delaunay throughout, ties broken by node. The domain stays valid: a new chord's region holds no kept point,
@@ -94,6 +97,8 @@ struct Work<'a> {
     /// Sites before the changes at hand.
     sites_before: usize,
     added: i64,
+    /// Nodes that may be added in all, and for now.
+    budget: i64,
     most_added: i64,
     /// Changes that may still be tried in chains: they are dear, and on some domains many cells can't be helped.
     tries_left: usize,

@@ -40,8 +40,8 @@ TRIES = (5000, 5)
 """Changes that are tried in chains on any level, and those that each node allows more."""
 LEAST = 15.0 * math.pi / 180.0
 """The angle that matters most, in radians: cells still under it are gone over again."""
-MORE = 2
-"""Nodes that may then be added beyond the budget, which other cells may have used up."""
+RESERVE = 2
+"""Nodes of the budget that are left for these."""
 WIDER = 3.0
 """How much further away nodes are exchanged then."""
 SPAN = 1.4
@@ -153,7 +153,8 @@ class Guard:
         self.steps: list[tuple[Change, Cell]] = []
         self.best: Best | None = None
         self.added = 0
-        self.most_added = int(BUDGET * (count - scene.seeds.surplus)) - scene.seeds.surplus
+        self.budget = int(BUDGET * (count - scene.seeds.surplus)) - scene.seeds.surplus
+        self.most_added = self.budget - RESERVE
         self.tries_left = TRIES[0] + TRIES[1] * count
         self.gone: list[int] = []
         self.brought: list[int] = []
@@ -169,7 +170,7 @@ class Guard:
                     break
                 bad = self._round(bad)
             self.is_last = True
-            self.most_added += MORE
+            self.most_added = self.budget
             self.tries_left += TRIES[0]
         facets = len(self.domain)
         choice = replace(
