@@ -459,7 +459,7 @@ impl<const D: usize> KdTree<D> {
 
 /// Leaf positions of `node` in a tree of `n` points.
 #[inline(always)]
-fn range(node: usize, n: usize) -> Range<usize> {
+pub(crate) fn range(node: usize, n: usize) -> Range<usize> {
     let depth = node.ilog2();
     let j = node - (1 << depth);
     (j * n) >> depth..((j + 1) * n) >> depth

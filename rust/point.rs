@@ -37,13 +37,24 @@ pub fn orient(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
 /// it need none.
 #[cold]
 fn orient_magnified(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
-    const FACTOR: f64 = f64::from_bits((1023 + 400) << 52);
-    const LARGEST: f64 = f64::from_bits((1023 + 100) << 52);
+    const FACTOR: f64 = power_of_two(400);
+    const LARGEST: f64 = power_of_two(100);
     if [a, b, c].into_iter().flatten().any(|x| x.abs() > LARGEST) {
         return 0.0;
     }
     let [a, b, c] = [a, b, c].map(|p| coord(&p.map(|x| x * FACTOR)));
     robust::orient2d(a, b, c)
+}
+
+/// 2 to an exponent from -1022 to 1023.
+pub(crate) const fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((1023 + exponent) as u64) << 52)
+}
+
+/// The power of two that brings a number to the exponent `to`, or as near as one can.
+pub(crate) fn scale_to(to: i32, x: f64) -> f64 {
+    let exponent = (x.to_bits() >> 52) as i32 - 1023;
+    power_of_two((to - exponent).clamp(-1022, 1023))
 }
 
 /// Positive where `d` lies inside the circle through the triangle `a`, `b`, `c` that turns left, 0 on it; its sign exact.
@@ -61,8 +72,7 @@ const VANISHING: f64 = 1e-290;
 fn in_circle_scaled(corners: [&Point<2>; 4]) -> f64 {
     const MIDDLE: i32 = 200;
     let most = corners.into_iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
-    let exponent = (most.to_bits() >> 52) as i32 - 1023;
-    let factor = f64::from_bits(((1023 + (MIDDLE - exponent).clamp(-1022, 1023)) as u64) << 52);
+    let factor = scale_to(MIDDLE, most);
     let [a, b, c, d] = corners.map(|p| coord(&p.map(|x| x * factor)));
     robust::incircle(a, b, c, d)
 }

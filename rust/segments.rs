@@ -11,11 +11,11 @@
 //!      +-------+          \//
 //! ```
 //!
-//! Median splits along the wider side of the segments' middles, at most [`LEAF`] segments in a leaf, nodes in heap order:
-//! children of node `k` are `2k` and `2k + 1`, and node `j` of depth `k` holds the positions `j*n >> k .. (j+1)*n >> k`.
+//! Median splits along the wider side of the segments' middles, at most [`LEAF`] segments in a leaf, nodes in heap order
+//! and their positions as in `kdtree`.
 //! Boxes are rounded, and so are wider than they need be by [`SLACK`]: what is found may be near only, what is not found isn't.
 
-use crate::kdtree::Bounds;
+use crate::kdtree::{Bounds, range};
 use crate::point::Point;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -121,14 +121,12 @@ impl Segments {
         let given: Vec<[Point<2>; 2]> = segments.iter().map(|ends| ends.map(|p| tree.scaled(&p))).collect();
         let middles: Vec<Point<2>> = given.iter().map(|[a, b]| [0, 1].map(|k| 0.5 * (a[k] + b[k]))).collect();
         for node in 1..1usize << depth {
-            let range = tree.range(node);
-            let (k, start) = (node.ilog2(), range.start);
-            let split = ((2 * (node - (1 << k)) + 1) * n) >> (k + 1);
-            let part = &mut tree.order[range];
+            let split = range(2 * node, n).len();
+            let part = &mut tree.order[range(node, n)];
             let axis = Bounds::of(part.iter().map(|&s| &middles[s as usize])).widest();
-            if split > start && split - start < part.len() {
+            if split > 0 && split < part.len() {
                 let middle = |s: &u32| middles[*s as usize][axis];
-                part.select_nth_unstable_by(split - start, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
+                part.select_nth_unstable_by(split, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
             }
         }
         tree.ends = tree.order.iter().map(|&s| given[s as usize]).collect();
@@ -142,9 +140,7 @@ impl Segments {
     }
 
     fn range(&self, node: usize) -> Range<usize> {
-        let (n, k) = (self.order.len(), node.ilog2());
-        let j = node - (1 << k);
-        (j * n) >> k..((j + 1) * n) >> k
+        range(node, self.order.len())
     }
 
     /// The segments in leaf order.

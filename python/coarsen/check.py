@@ -21,6 +21,7 @@ import numpy as np
 from . import spacing
 from .backend import backend
 from .quality import longest_edges
+from .transfer.location import places_among
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -129,15 +130,11 @@ def local_similarity(finer: Level, coarser: Level, name: str = "rust") -> NDArra
     The largest el of the cells of `coarser` that overlap a cell, over the cell's own el; NaN for a cell that lies
     outside `coarser`.
     """
-    shared = np.searchsorted(finer.nodes, coarser.nodes)
-    shared = np.minimum(shared, len(finer.nodes) - 1)
-    injection = np.where(finer.nodes[shared] == coarser.nodes, shared, -1)
     one, two = finer.mesh, coarser.mesh
     if one.dim == 1:
         return _line_similarity(one, two)
-    indptr, indices, areas = backend(name).overlap(
-        one.points, one.cells, one.boundary_facets, two.points, two.cells, injection, None
-    )
+    pair = one.points, one.cells, one.boundary_facets, two.points, two.cells, places_among(finer, coarser)
+    indptr, indices, areas = backend(name).overlap(*pair, None)
     lengths = np.where(areas > 0, longest_edges(two)[indices], 0.0)
     longest = np.zeros(one.n_cells)
     some = indptr[:-1] < indptr[1:]

@@ -82,7 +82,6 @@ impl<'a> Work<'a> {
             sites_before: candidate.len(),
             added: 0,
             budget,
-            most_added: budget - RESERVE,
             tries_left: TRIES.0 + TRIES.1 * candidate.len(),
             sharp: guard.min_angle.cos(),
             is_last: false,
@@ -97,28 +96,31 @@ impl<'a> Work<'a> {
 
     /// Does the work; `choice` becomes that of the level returned.
     pub(super) fn done(mut self, sites: &[u32], choice: &mut Choice) -> (Triangulated, Outcome) {
-        for bound in [self.guard.min_angle, self.guard.min_angle.min(LEAST)] {
-            self.sharp = bound.cos();
-            let mut bad = self.under();
-            for _ in 0..MOST_ROUNDS {
-                if bad.is_empty() {
-                    break;
-                }
-                bad = self.round(bad);
-            }
-            self.is_last = true;
-            self.most_added = self.budget;
-            self.tries_left += TRIES.0;
-        }
+        self.lift(self.guard.min_angle);
+        self.is_last = true;
+        self.tries_left += TRIES.0;
+        self.lift(self.guard.min_angle.min(LEAST));
         let outcome = Outcome { crowded: self.crowded(sites.len()), surplus: (self.scene.surplus + self.added).max(0) };
         (self.finish(sites, choice), outcome)
     }
 
-    /// The cells under the bound.
-    fn under(&self) -> Vec<u32> {
+    /// Goes over the cells under a bound until none is left, or nothing helps.
+    fn lift(&mut self, bound: f64) {
+        self.sharp = bound.cos();
         let (patch, sharp) = (&self.patch, self.sharp);
         let is_under = |&t: &u32| patch.corners(t).is_some() && patch.sharpness(t) > sharp;
-        (0..patch.len() as u32).into_par_iter().filter(is_under).collect()
+        let mut bad: Vec<u32> = (0..patch.len() as u32).into_par_iter().filter(is_under).collect();
+        for _ in 0..MOST_ROUNDS {
+            if bad.is_empty() {
+                break;
+            }
+            bad = self.round(bad);
+        }
+    }
+
+    /// Whether the budget allows one more node.
+    fn may_add(&self) -> bool {
+        self.added < self.budget - if self.is_last { 0 } else { RESERVE }
     }
 
     fn is_bad(&self, t: u32) -> bool {
@@ -207,7 +209,7 @@ impl<'a> Work<'a> {
         if self.try_nodes(&corners, t, found) || self.try_nodes(&across, t, found) {
             return true;
         }
-        if self.added < self.most_added {
+        if self.may_add() {
             let (centre, reach) = self.off_centre(corners);
             for k in self.near(&centre, reach) {
                 if self.attempt(Change::insert(k), t, found) {
@@ -215,7 +217,7 @@ impl<'a> Work<'a> {
                 }
             }
         }
-        self.bends && self.added < self.most_added && self.try_chords(t, corners[0], found)
+        self.bends && self.may_add() && self.try_chords(t, corners[0], found)
     }
 
     /// Tries to take away or exchange the free ones among some nodes.

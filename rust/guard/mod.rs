@@ -97,9 +97,8 @@ struct Work<'a> {
     /// Sites before the changes at hand.
     sites_before: usize,
     added: i64,
-    /// Nodes that may be added in all, and for now.
+    /// Nodes that may be added.
     budget: i64,
-    most_added: i64,
     /// Changes that may still be tried in chains: they are dear, and on some domains many cells can't be helped.
     tries_left: usize,
     /// Cosine of the bound.

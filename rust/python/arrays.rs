@@ -69,43 +69,33 @@ pub fn indices(name: &str, array: &PyReadonlyArray1<'_, i64>, n: usize) -> Resul
     array.as_array().iter().enumerate().map(narrow).collect()
 }
 
-/// Edges between `n` nodes.
-pub fn edges(name: &str, array: &PyReadonlyArray2<'_, i64>, n: usize) -> Result<Vec<[u32; 2]>, Error> {
-    let narrow = |(row, &ends): (usize, &[i64; 2])| match ends.map(u32::try_from) {
-        [Ok(a), Ok(b)] if (a.max(b) as usize) < n => Ok([a, b]),
-        _ => Err(Error::Argument(format!(
-            "'{name}[{row}]' names nodes {ends:?}, expected indices from 0 to {}",
-            n as i64 - 1
-        ))),
-    };
-    rows::<i64, 2>(name, array)?.iter().enumerate().map(narrow).collect()
-}
-
 /// The cells of a mesh of `n` nodes, from int32 or int64.
 pub fn cells<const K: usize>(array: &Bound<'_, PyUntypedArray>, n: usize) -> PyResult<Vec<[u32; K]>> {
     if let Ok(array) = array.cast::<PyArray2<i32>>() {
-        return narrowed(&array.readonly(), n);
+        return Ok(narrowed("cells", &array.readonly(), n)?);
     }
     match array.cast::<PyArray2<i64>>() {
-        Ok(array) => narrowed(&array.readonly(), n),
+        Ok(array) => Ok(narrowed("cells", &array.readonly(), n)?),
         Err(_) => Err(Error::Argument("'cells' is not an (m, d + 1) array of int32 or int64".into()).into()),
     }
 }
 
-fn narrowed<T: Element + Copy + Into<i64>, const K: usize>(
+/// Rows of nodes of a mesh of `n`.
+pub fn narrowed<T: Element + Copy + Into<i64>, const K: usize>(
+    name: &str,
     array: &PyReadonlyArray2<'_, T>,
     n: usize,
-) -> PyResult<Vec<[u32; K]>> {
-    let mut cells = Vec::with_capacity(array.shape()[0]);
-    for (c, cell) in rows::<T, K>("cells", array)?.iter().enumerate() {
-        let cell = cell.map(Into::into);
-        if let Some(&bad) = cell.iter().find(|&&i| i < 0 || i >= n as i64) {
-            let text = format!("'cells[{c}]' names node {bad}, expected an index from 0 to {}", n as i64 - 1);
-            return Err(Error::Argument(text).into());
+) -> Result<Vec<[u32; K]>, Error> {
+    let mut narrow = Vec::with_capacity(array.shape()[0]);
+    for (r, row) in rows::<T, K>(name, array)?.iter().enumerate() {
+        let row = row.map(Into::into);
+        if let Some(&bad) = row.iter().find(|&&i| i < 0 || i >= n as i64) {
+            let text = format!("'{name}[{r}]' names node {bad}, expected an index from 0 to {}", n as i64 - 1);
+            return Err(Error::Argument(text));
         }
-        cells.push(cell.map(|i| i as u32));
+        narrow.push(row.map(|i| i as u32));
     }
-    Ok(cells)
+    Ok(narrow)
 }
 
 /// The core's indices as an int64 array.

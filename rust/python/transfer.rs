@@ -1,11 +1,10 @@
 //! Bindings of `transfer`.
 
-use super::arrays::{cells as cell_rows, rows};
+use super::arrays::{cells as cell_rows, narrowed, rows};
 use super::run::run;
 use crate::error::Error;
 use crate::point::NONE;
-use crate::transfer::halfedges::HalfEdges;
-use crate::transfer::prolongation::{Finer, Unplaced};
+use crate::transfer::prolongation::Finer;
 use crate::transfer::rows::{Rows, RowsRef};
 use crate::transfer::{cycle, filter, galerkin, loose, overlap, prolongation, slow};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
@@ -41,13 +40,11 @@ fn py_prolongation<'py>(
 ) -> PyResult<(Matrix<'py>, Indices<'py>, Bound<'py, PyArray1<f64>>, Indices<'py>)> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
     let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
-    let boundary = super::arrays::edges("boundary", &boundary, points.len())?;
+    let boundary = narrowed("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let (made, outside, lost) = run(py, threads, None, |_| {
         let finer = Finer { points, cells: &fine, boundary: &boundary };
-        let (coarse, finer) =
-            rayon::join(|| HalfEdges::new(coarse_points, &coarse), || Unplaced::new(finer, &injection));
-        let coarse = coarse?;
+        let (coarse, finer) = prolongation::prepared(finer, coarse_points, &coarse, &injection)?;
         let located = prolongation::locate(finer, &coarse)?;
         let (made, outside) = prolongation::weights(points, &coarse, &located.places)?;
         Ok((made, outside, located.lost))
@@ -72,13 +69,11 @@ fn py_overlap<'py>(
 ) -> PyResult<Matrix<'py>> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
     let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
-    let boundary = super::arrays::edges("boundary", &boundary, points.len())?;
+    let boundary = narrowed("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let made = run(py, threads, None, |_| {
         let finer = Finer { points, cells: &fine, boundary: &boundary };
-        let (coarse, finer) =
-            rayon::join(|| HalfEdges::new(coarse_points, &coarse), || Unplaced::new(finer, &injection));
-        let coarse = coarse?;
+        let (coarse, finer) = prolongation::prepared(finer, coarse_points, &coarse, &injection)?;
         let located = prolongation::locate(finer, &coarse)?;
         overlap::areas(points, &fine, &coarse, &located)
     })?;

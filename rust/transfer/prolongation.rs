@@ -64,6 +64,18 @@ impl<'a> Unplaced<'a> {
     }
 }
 
+/// The coarse mesh to walk in and the finer one, made side by side.
+pub fn prepared<'a>(
+    finer: Finer<'a>,
+    coarse_points: &'a [Point<2>],
+    coarse_cells: &'a [[u32; 3]],
+    injection: &'a [u32],
+) -> Result<(HalfEdges<'a>, Unplaced<'a>), Error> {
+    let (coarse, finer) =
+        rayon::join(|| HalfEdges::new(coarse_points, coarse_cells), || Unplaced::new(finer, injection));
+    Ok((coarse?, finer))
+}
+
 /// Where the nodes of a finer mesh lie.
 pub struct Located<'a> {
     /// By node of the finer mesh.

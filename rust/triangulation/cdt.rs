@@ -2,7 +2,7 @@
 
 use super::Cells;
 use crate::error::Error;
-use crate::point::{NONE, Point, orient};
+use crate::point::{NONE, Point, orient, power_of_two, scale_to};
 use rayon::prelude::*;
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
@@ -147,12 +147,7 @@ fn scale(points: &[Point<2>]) -> f64 {
     if most < power_of_two(MOST_EXPONENT) && !sizes().any(is_small) {
         return 1.0;
     }
-    let exponent = (most.to_bits() >> 52) as i32 - 1023;
-    power_of_two((MOST_EXPONENT - 1 - exponent).clamp(-1022, 1023))
-}
-
-fn power_of_two(exponent: i32) -> f64 {
-    f64::from_bits(((1023 + exponent) as u64) << 52)
+    scale_to(MOST_EXPONENT - 1, most)
 }
 
 /// Adds the constraints; returns those that can't be: they cross one that is there, or pass through a point.

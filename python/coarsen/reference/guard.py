@@ -154,7 +154,6 @@ class Guard:
         self.best: Best | None = None
         self.added = 0
         self.budget = int(BUDGET * (count - scene.seeds.surplus)) - scene.seeds.surplus
-        self.most_added = self.budget - RESERVE
         self.tries_left = TRIES[0] + TRIES[1] * count
         self.gone: list[int] = []
         self.brought: list[int] = []
@@ -162,16 +161,10 @@ class Guard:
 
     def work(self) -> Outcome:
         """Better the level."""
-        for bound in (self.rule.min_angle, min(self.rule.min_angle, LEAST)):
-            self.sharp = math.cos(bound)
-            bad = self._bad(self.patch.cells())
-            for _ in range(MOST_ROUNDS):
-                if not bad:
-                    break
-                bad = self._round(bad)
-            self.is_last = True
-            self.most_added = self.budget
-            self.tries_left += TRIES[0]
+        self._lift(self.rule.min_angle)
+        self.is_last = True
+        self.tries_left += TRIES[0]
+        self._lift(min(self.rule.min_angle, LEAST))
         facets = len(self.domain)
         choice = replace(
             self.choice,
@@ -182,6 +175,19 @@ class Guard:
         )
         choice.chords = chords_of(self.domain, choice.kept)
         return Outcome(choice, self.patch.apex, self.patch.cells(), self._crowded())
+
+    def _lift(self, bound: float) -> None:
+        """Go over the cells under a bound until none is left, or nothing helps."""
+        self.sharp = math.cos(bound)
+        bad = self._bad(self.patch.cells())
+        for _ in range(MOST_ROUNDS):
+            if not bad:
+                break
+            bad = self._round(bad)
+
+    def _may_add(self) -> bool:
+        """Whether the budget allows one more node."""
+        return self.added < self.budget - (0 if self.is_last else RESERVE)
 
     def _bad(self, cells: Iterable[Cell]) -> set[Cell]:
         return {self.patch.canonical(*cell) for cell in cells if self.patch.sharpness(cell) > self.sharp}
@@ -256,10 +262,10 @@ class Guard:
         yield from self._of_nodes(cell)
         edges = [(cell[k], cell[k - 2]) for k in range(3)]
         yield from self._of_nodes([NONE if self.patch.is_closed(u, v) else self.patch.apex[v, u] for u, v in edges])
-        if self.added < self.most_added:
+        if self._may_add():
             centre, reach = self._off_centre(cell)
             yield from (Change(new=k) for k in self._near(np.array(centre), reach))
-        if self.bends and self.added < self.most_added:
+        if self.bends and self._may_add():
             for c in self.patch.chords_near(cell):
                 chain, start, stop = self.domain.chains[self.chords[c].chain], self.chords[c].start, self.chords[c].stop
                 # all of a few, else a few that lie evenly

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from coarsen.mesh import Mesh
-    from coarsen.multilevel import Hierarchy
+    from coarsen.multilevel import Hierarchy, Level
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +47,13 @@ class Located:
 
 def shared_nodes(hierarchy: Hierarchy, fine: int, coarse: int) -> NDArray[np.int64]:
     """Return, for each node of level `coarse`, its place among the nodes of level `fine`, or -1."""
-    among, nodes = hierarchy[fine].nodes, hierarchy[coarse].nodes
-    if fine == 0:
-        return nodes
-    place = np.minimum(np.searchsorted(among, nodes), len(among) - 1)
-    return np.where(among[place] == nodes, place, -1)
+    return hierarchy[coarse].nodes if fine == 0 else places_among(hierarchy[fine], hierarchy[coarse])
+
+
+def places_among(among: Level, level: Level) -> NDArray[np.int64]:
+    """Return the place of each node of a level among those of another, or -1."""
+    place = np.minimum(np.searchsorted(among.nodes, level.nodes), len(among.nodes) - 1)
+    return np.where(among.nodes[place] == level.nodes, place, -1)
 
 
 def locate(hierarchy: Hierarchy, fine: int, coarse: int) -> Located:
@@ -113,10 +115,8 @@ def _locate_on_line(mesh: Mesh, coarse: Mesh, shared: NDArray[np.int64]) -> Loca
 def coarse_nodes_in_fine(hierarchy: Hierarchy, fine: int, coarse: int) -> csr_matrix:
     """Interpolate the finer mesh at the nodes of a coarser one that has nodes of its own."""
     mesh, other = hierarchy[fine].mesh, hierarchy[coarse].mesh
-    back = shared_nodes(hierarchy, coarse, fine)
     if mesh.dim == 1:
-        return _locate_on_line(other, mesh, back).matrix
+        return _locate_on_line(other, mesh, shared_nodes(hierarchy, coarse, fine)).matrix
     core = backend(hierarchy.options.backend)
-    pair = other.points, other.cells, other.boundary_facets, mesh.points, mesh.cells, back
-    rows, *_ = core.prolongation(*pair, hierarchy.options.threads)
+    rows, *_ = core.prolongation(*pair_of(hierarchy, coarse, fine), hierarchy.options.threads)
     return csr(rows, mesh.n_points)
