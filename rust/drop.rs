@@ -4,7 +4,8 @@
 //! that would be no valid domain are given up instead. The cells of the constrained Delaunay triangulation of what is kept
 //! are inside where valid chords say so; elsewhere most of their sample points (centroid and three towards the corners)
 //! must lie in the input mesh. Parts are never joined (see `parts`). Then slivers are peeled off the rim, or a node of them
-//! is taken out; for the next round the triangulation is mended where that is less work than a new one (see `again`).
+//! is taken out; for the next round the triangulation is mended where that is less work than a new one (see `again`). Where
+//! neither helps, a sliver is the thin bridge between two pieces of a level, which are cut apart there.
 //!
 //! Where a level would change the area by more than a twentieth more than the finer one does, one between the two is made first
 //! (see `levels`), so that features are not lost all at once.
@@ -52,7 +53,10 @@ const PEEL: f64 = 0.01;
 /// Rounds in which that is tried.
 const MENDING: usize = 4;
 
-/// Triangulations of one level at most: each but the last takes out nodes that end in no cell.
+/// Rounds after which mending is given up where none of them made the level better.
+const IN_VAIN: usize = 6;
+
+/// Triangulations of one level at most before slivers are cut through, and then again: each but the last takes out nodes.
 const MOST_ROUNDS: usize = 32;
 
 /// The input as the settling of levels sees it.
@@ -129,12 +133,12 @@ impl<'a> Ground<'a> {
         }
         let (mut first_change, mut memory) = (None, trim::Memory::default());
         let mut best: Option<((usize, f64), Choice, trim::Trimmed)> = None;
-        let mut most_area = PEEL * self.area;
-        for round in 0..MOST_ROUNDS {
+        let (mut most_area, mut severs, mut better_at) = (PEEL * self.area, false, 0);
+        for round in 0..2 * MOST_ROUNDS {
             let obstacles: Vec<Point<2>> = choice.interior.iter().map(|&i| self.input.points[i as usize]).collect();
             choice.chords = self.domain.valid_chords(&choice.kept, f, &obstacles, &choice.chords);
             let Some(mut cells) = self.triangulate(choice, f, is_allowed, &mut memory)? else { break };
-            cells.peel(RIM_ANGLE_DEG, most_area);
+            cells.peel(RIM_ANGLE_DEG, most_area, severs);
             cells.unpinch(RIM_ANGLE_DEG, |site| self.runs(site));
             cells.drop_crumbs();
             cells.free_moot_chords(|c| self.is_given(&choice.chords[c]));
@@ -148,14 +152,19 @@ impl<'a> Ground<'a> {
             let is_better = |old: &(usize, f64)| shape.0 < old.0 || (shape.0 == old.0 && shape.1 >= old.1);
             if change <= most && best.as_ref().is_none_or(|(old, ..)| is_better(old)) {
                 best = Some((shape, std::mem::replace(choice, next), cells));
+                better_at = round;
             } else {
                 *choice = next;
             }
+            let gives_up = !severs && (round - better_at >= IN_VAIN || round + 1 == MOST_ROUNDS);
             if shape.0 > 0 && most_area < f64::INFINITY && (is_last || round >= MENDING) {
                 // what can't be mended is peeled off, however large
                 most_area = f64::INFINITY;
-            } else if is_last {
-                break;
+            } else if is_last || gives_up {
+                // slivers that are left hold larger pieces together, which are cut apart there
+                let Some((_, settled, _)) = best.as_ref().filter(|(shape, ..)| shape.0 > 0 && !severs) else { break };
+                *choice = settled.clone();
+                (most_area, severs, first_change) = (f64::INFINITY, true, None);
             }
         }
         let Some((_, settled, mut cells)) = best else { return Ok(None) };

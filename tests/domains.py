@@ -37,3 +37,17 @@ def domains(seed: int, count: int, *, most: int = 150) -> Iterator[coarsen.Mesh]
         made += 1
         if made == count:
             return
+
+
+def river(seed: int, along: int, across: int) -> coarsen.Mesh:
+    """A winding channel of `along` times `across` nodes, as wide as 0.5 at the most, a tenth of that in places."""
+    rng = np.random.default_rng(seed)
+    way = np.linspace(0, 16 * np.pi, along)
+    middle = np.stack([way, 4 * np.sin(way)], axis=1)
+    ahead = np.gradient(middle, axis=0)
+    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
+    half = np.interp(way, np.linspace(0, way[-1], 48), rng.uniform(0.025, 0.25, 48))
+    points = middle[:, None] + np.linspace(-1, 1, across)[:, None] * (half[:, None] * aside)[:, None]
+    a = (np.arange(along - 1)[:, None] * across + np.arange(across - 1)).ravel()
+    cells = np.concatenate([np.stack([a, a + across, a + across + 1], 1), np.stack([a, a + across + 1, a + 1], 1)])
+    return coarsen.Mesh(points.reshape(-1, 2), cells)

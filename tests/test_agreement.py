@@ -8,7 +8,7 @@ import pytest
 import coarsen
 from clouds import clouds
 from coarsen import _core, reference
-from domains import domains
+from domains import domains, river
 from oracles import (
     assert_is_lipschitz,
     assert_is_mis,
@@ -241,6 +241,12 @@ def assert_twins_drop_the_same(mesh, options):
 def test_twins_drop_the_same_of_random_domains(options):
     for mesh in domains(SEED + 7, 100):
         assert_twins_drop_the_same(mesh, options)
+
+
+@each_dropping
+@pytest.mark.parametrize("seed", range(3))
+def test_twins_cut_a_winding_river_at_the_same_bridges(seed, options):
+    assert_twins_drop_the_same(river(seed, 300, 2), options)
 
 
 @each_dropping

@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components
 
 import coarsen
 from coarsen import gallery
-from domains import domains
+from domains import domains, river
 from oracles import assert_is_conforming, assert_is_delaunay, assert_is_valid_level, assert_node_nested
 
 
@@ -84,6 +84,16 @@ def test_a_thin_channel_stays_one_channel_until_few_cells_are_left(interface):
     for level in h:
         assert abs(area_of(level.mesh) / area_of(mesh) - 1) < 0.05
         assert level.quality.min_angle >= 15
+
+
+@pytest.mark.parametrize(("along", "across"), [(500, 2), (1000, 3), (2000, 4)])
+def test_thin_bridges_that_hold_a_winding_river_together_are_cut(along, across):
+    for seed in range(6):
+        h = coarsen.hierarchy(river(seed, along, across), features="drop")
+        for level in list(h)[1:-2]:
+            assert level.quality.min_angle >= 15
+            assert_is_conforming(level.mesh.points, np.asarray(level.mesh.cells))
+            assert_is_delaunay(level.mesh.points, np.asarray(level.mesh.cells), level.mesh.topology.facets)
 
 
 def test_corners_of_a_rectangle_stay_while_it_is_wider_than_half_the_spacing():

@@ -277,8 +277,9 @@ impl Trimmed {
     }
 
     /// Takes cells under `limit_deg`, and no larger than `most_area`, off the rim, the worst first: ears (two rim edges),
-    /// and cells with one rim edge whose opposite corner is not on the rim. The level is never emptied.
-    pub fn peel(&mut self, limit_deg: f64, most_area: f64) {
+    /// and cells with one rim edge whose opposite corner is not on the rim, or is where that `severs` what the cell holds
+    /// together. The level is never emptied.
+    pub fn peel(&mut self, limit_deg: f64, most_area: f64, severs: bool) {
         let mut rim = vec![0u32; self.sites.len()];
         let mut left = 0;
         for t in self.alive() {
@@ -303,7 +304,7 @@ impl Trimmed {
                 0 => false,
                 1 => {
                     let k = is_rim.iter().position(|&r| r).unwrap_or(0);
-                    rim[cell[(k + 2) % 3] as usize] == 0
+                    severs || rim[cell[(k + 2) % 3] as usize] == 0
                 }
                 _ => true,
             };

@@ -3,7 +3,8 @@
 Nodes are selected as in Figure 2 (see `drop_select`), but none is forced, and no vertex is put back to make chords
 valid: chords that would be no valid domain are given up instead. The cells of the constrained Delaunay triangulation of
 what is kept are inside where valid chords say so; elsewhere most of their sample points must lie in the input mesh.
-Then slivers are peeled off the rim, or a node of them is taken out.
+Then slivers are peeled off the rim, or a node of them is taken out. Where neither helps, a sliver is the thin bridge
+between two pieces of a level, which are cut apart there.
 
 Selection goes from coarse to fine, as in Figure 3. A node that ends in no cell is taken out, of this level and of all
 coarser ones: levels are settled from fine to coarse, and as the sets only shrink, once is enough.
@@ -38,8 +39,12 @@ PEEL = 0.01
 """Larger cells, by their share of the area of the input, are peeled off the rim only if they can't be mended."""
 MENDING = 4
 """Rounds in which that is tried."""
+IN_VAIN = 6
+"""Rounds after which mending is given up where none of them made the level better."""
 MOST_ROUNDS = 32
-"""Triangulations of one level at most: each but the last takes out nodes that end in no cell."""
+"""Triangulations of one level at most before slivers are cut through, and then again.
+
+Each but the last takes out nodes."""
 
 Settled = tuple[LevelMesh, Dropped]
 
@@ -81,15 +86,15 @@ class Ground:
             choice = replace(choice, kept=kept, interior=choice.interior[allowed[choice.interior]])
         first_change = None
         best: tuple[tuple[int, float], Choice, Trimmed] | None = None
-        most_area = PEEL * self.area
-        for round_ in range(MOST_ROUNDS):
+        most_area, severs, better_at = PEEL * self.area, False, 0
+        for round_ in range(2 * MOST_ROUNDS):
             obstacles = self.points[choice.interior]
             chords = valid_chords(domain, choice.kept, f, obstacles, choice.chords)
             choice = replace(choice, chords=chords)
             cells = triangulate(self.views, self.origin.parts, choice, f, is_allowed)
             if cells is None:
                 break
-            cells.peel(RIM_ANGLE_DEG, most_area)
+            cells.peel(RIM_ANGLE_DEG, most_area, severs=severs)
             unpinch(cells, RIM_ANGLE_DEG, self.runs)
             cells.drop_crumbs()
             free_moot_chords(cells, lambda c, chords=chords: is_given(domain, chords[c]))  # type: ignore[misc]
@@ -102,13 +107,18 @@ class Ground:
             fewer, takes_out = self.without(choice, cells, lost)
             slivers, least = shape
             if change <= most_change and (best is None or (slivers, -least) <= (best[0][0], -best[0][1])):
-                best = shape, choice, cells
+                best, better_at = (shape, choice, cells), round_
             choice = fewer
+            gives_up = not severs and (round_ - better_at >= IN_VAIN or round_ + 1 == MOST_ROUNDS)
             if slivers > 0 and most_area < math.inf and (not takes_out or round_ >= MENDING):
                 # what can't be mended is peeled off, however large
                 most_area = math.inf
-            elif not takes_out:
-                break
+            elif not takes_out or gives_up:
+                if severs or best is None or best[0][0] == 0:
+                    break
+                # slivers that are left hold larger pieces together, which are cut apart there
+                choice = best[1]
+                most_area, severs, first_change = math.inf, True, None
         if best is None:
             return choice, None
         _, choice, cells = best

@@ -154,11 +154,11 @@ class Trimmed:
                 del values[other]
                 values.update(dict.fromkeys(new, value))
 
-    def peel(self, limit_deg: float, most_area: float) -> None:
+    def peel(self, limit_deg: float, most_area: float, *, severs: bool) -> None:
         """Take cells under a limit, and no larger than `most_area`, off the rim, the worst first.
 
-        These are ears (two rim edges), and cells with one rim edge whose opposite corner is not on the rim. The level
-        is never emptied.
+        These are ears (two rim edges), and cells with one rim edge whose opposite corner is not on the rim, or is where
+        that `severs` what the cell holds together. The level is never emptied.
         """
         rim = [0] * len(self.sites)
         """Rim edges at each site."""
@@ -177,7 +177,7 @@ class Trimmed:
             on_rim = [edge for edge, other in next_to.items() if other is None]
             if not on_rim or self.area_of(cell) > most_area:
                 continue
-            if len(on_rim) == 1 and rim[self.apex[on_rim[0]]] > 0:
+            if len(on_rim) == 1 and not severs and rim[self.apex[on_rim[0]]] > 0:
                 continue
             del self.label[cell]
             for edge, other in next_to.items():
