@@ -47,6 +47,9 @@ const MOST_CHANGE: f64 = 0.05;
 /// By this share where that leaves no sliver.
 const MOST_FOR_ALL: f64 = 0.08;
 
+/// By this share where that leaves no sliver once they are cut through: there is no other means then.
+const MOST_AT_LAST: f64 = 0.25;
+
 /// Larger cells, by their share of the area of the input, are peeled off the rim only if they can't be mended.
 const PEEL: f64 = 0.01;
 
@@ -145,8 +148,12 @@ impl<'a> Ground<'a> {
             let victims = cells.victims(RIM_ANGLE_DEG, |s| self.cost(&cells, s, f));
             let shape = cells.shape(RIM_ANGLE_DEG);
             let change = (cells.area() - self.area).abs();
-            let most =
-                *first_change.get_or_insert(change) + if shape.0 == 0 { MOST_FOR_ALL } else { MOST_CHANGE } * self.area;
+            let most = *first_change.get_or_insert(change)
+                + match shape.0 {
+                    0 if severs => MOST_AT_LAST,
+                    0 => MOST_FOR_ALL,
+                    _ => MOST_CHANGE,
+                } * self.area;
             let mut next = choice.clone();
             let is_last = !self.take_out(&mut next, &cells, &victims);
             let is_better = |old: &(usize, f64)| shape.0 < old.0 || (shape.0 == old.0 && shape.1 >= old.1);

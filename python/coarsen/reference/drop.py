@@ -35,6 +35,8 @@ MOST_CHANGE = 0.05
 """Mending may change the area by this share of the input's more than dropping features did."""
 MOST_FOR_ALL = 0.08
 """By this share where that leaves no sliver."""
+MOST_AT_LAST = 0.25
+"""By this share where that leaves no sliver once they are cut through: there is no other means then."""
 PEEL = 0.01
 """Larger cells, by their share of the area of the input, are peeled off the rim only if they can't be mended."""
 MENDING = 4
@@ -103,7 +105,8 @@ class Ground:
             change = abs(cells.area() - self.area)
             if first_change is None:
                 first_change = change
-            most_change = first_change + (MOST_CHANGE if shape[0] else MOST_FOR_ALL) * self.area
+            share = MOST_CHANGE if shape[0] else MOST_AT_LAST if severs else MOST_FOR_ALL
+            most_change = first_change + share * self.area
             fewer, takes_out = self.without(choice, cells, lost)
             slivers, least = shape
             if change <= most_change and (best is None or (slivers, -least) <= (best[0][0], -best[0][1])):
