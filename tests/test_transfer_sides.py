@@ -9,46 +9,54 @@ pytest.importorskip("scipy")
 
 import coarsen
 from coarsen import transfer
+from coarsen.transfer.location import coarse_nodes_in_fine
 from domains import domains
 from transfer_oracle import oracle
 
 SEED = 7
 
 
-def pairs(features):
-    """Two levels of random domains, their prolongation, and what the oracle says, where it is sure."""
-    for mesh in domains(SEED, 60):
-        h = coarsen.hierarchy(mesh, features=features, coarsest=6)
-        for i in range(1, len(h)):
-            fine, coarse = h[i - 1].mesh, h[i].mesh
-            said = oracle(fine.points, fine.cells, coarse.points, coarse.cells, transfer.shared_nodes(h, i - 1, i))
-            if not said.unsure:
-                yield fine, coarse, h.prolongation(i), set(transfer.locate(h, i - 1, i).outside.tolist()), said
+def pairs(way, features, count):
+    """Two levels of random domains, the values that the one's nodes take from the other, and what the oracle says."""
+    for mesh in domains(SEED, count):
+        h = coarsen.hierarchy(mesh, features=features, coarsest=6, nested="nested" not in way)
+        step = 2 if way == "over a level" else 1
+        for i in range(step, len(h)):
+            ends = (i, i - step) if way == "up, not nested" else (i - step, i)
+            one, other = (h[end].mesh for end in ends)
+            shared = transfer.shared_nodes(h, *ends)
+            said = oracle(one.points, one.cells, other.points, other.cells, shared)
+            if said.unsure:
+                continue
+            matrix = coarse_nodes_in_fine(h, *ends[::-1]) if ends[0] > ends[1] else transfer.locate(h, *ends).matrix
+            yield one, other, matrix, said
+
+
+def are_right(nodes, walls, cells):
+    """Nodes of the boundary that the piece meets, or of a cell there: where a line that left may come in again."""
+    at_wall = [set(cell) for cell in cells.tolist() if any((cell[k], cell[(k + 1) % 3]) in walls for k in range(3))]
+    return nodes <= set(np.ravel(walls).tolist()) or any(nodes <= cell for cell in at_wall)
 
 
 @pytest.mark.parametrize("features", ["keep", "drop", "auto"])
-def test_nodes_in_a_cell_on_their_side_are_interpolated_there(features):
-    checked = 0
-    for fine, coarse, matrix, outside, said in pairs(features):
-        near = 1e-10 * np.ptp(fine.points, axis=0).max() + 1e-15 * np.abs(fine.points).max()
-        for v, holding in enumerate(said.right):
+@pytest.mark.parametrize(
+    ("way", "count"), [("next level", 60), ("over a level", 30), ("not nested", 30), ("up, not nested", 20)]
+)
+def test_values_stay_on_their_side(way, count, features):
+    inside = outside = strange = 0
+    for one, other, matrix, said in pairs(way, features, count):
+        near = 1e-10 * np.ptp(one.points, axis=0).max() + 1e-15 * np.abs(one.points).max()
+        for v, (holding, walls) in enumerate(zip(said.right, said.walls, strict=True)):
+            nodes = set(matrix[v].indices.tolist())
             if holding:
-                assert v not in outside
-                assert np.abs(matrix[v] @ coarse.points - fine.points[v]).max() < near
-                cells = [set(coarse.cells[c].tolist()) for c in holding]
-                assert any(set(matrix[v].indices.tolist()) <= cell for cell in cells)
-                checked += 1
-    assert checked > 1000
-
-
-@pytest.mark.parametrize(("features", "most"), [("keep", 0.0), ("drop", 0.02)])
-def test_nodes_outside_take_values_of_the_boundary_that_their_piece_of_the_finer_mesh_meets(features, most):
-    # with "drop", a piece may hang on a node where parts only touch, about which the oracle knows too little
-    strange = checked = 0
-    for _, _, matrix, _, said in pairs(features):
-        for v, walls in enumerate(said.walls):
-            if walls and not said.right[v]:
-                strange += not set(matrix[v].indices.tolist()) <= set(np.ravel(walls).tolist())
-                checked += 1
-    assert checked > 100
-    assert strange <= most * checked
+                assert np.abs(matrix[v] @ other.points - one.points[v]).max() < near
+                assert any(nodes <= set(other.cells[cell].tolist()) for cell in holding)
+                inside += 1
+            elif walls:
+                strange += not are_right(nodes, walls, other.cells)
+                outside += 1
+    assert inside > 500
+    assert outside > (0 if "up" in way else 20)
+    # of 7,043 such nodes with "drop" and "auto" (seeds 1 to 6), 6 took a value from across a gap: where
+    # the boundary of one level leaves a node on the one side of that of the other, and comes back on its other side
+    assert strange <= (0 if features == "keep" else 0.002 * outside + ("up" in way))

@@ -3,10 +3,12 @@
 A pair of a fine and a coarse cell that overlap is a place where both meshes are. Pairs are joined over an edge of the
 one mesh that runs through the cell of the other; so no slit, wall or gap of either is crossed. Pairs around a shared
 node are the right ones, and what is joined to them. (Around the tip of a slit the two meshes' slits may leave in
-different directions: then the pairs around it fall apart, and say nothing.)
+different directions: then the pairs around it fall apart, and say nothing. Where parts of the fine mesh only touch,
+each speaks for itself.)
 
 What no right pair covers of the fine mesh falls into pieces; each piece meets the boundary of the coarse mesh in edges
-of its own: those that its nodes may be carried to.
+of its own, or in nodes of both: those that its nodes may be carried to. Where a piece meets nothing, its side was
+dropped altogether, and no place is right.
 """
 
 from __future__ import annotations
@@ -61,18 +63,29 @@ def components(n, pairs):
     return connected_components(coo_matrix((np.ones(len(pairs)), pairs.T), shape=(n, n)), directed=False)[1]
 
 
-def fans(cells, edges):
-    """Number of fans of cells around each node."""
-    count = {}
-    for a, b in edges:
-        if (b, a) not in edges:
-            count[a] = count.get(a, 0) + 1
-    return count
+def fans(cells, edges, v):
+    """Cells around a node, by fan: those that are joined over edges there."""
+    found = []
+    around = np.flatnonzero((cells == v).any(axis=1)).tolist()
+    while around:
+        fan = [around.pop()]
+        for cell in fan:
+            for k in range(3):
+                a, b = int(cells[cell][k]), int(cells[cell][(k + 1) % 3])
+                other = edges.get((b, a), (-1, 0))[0]
+                if v in (a, b) and other in around:
+                    around.remove(other)
+                    fan.append(other)
+        found.append(sorted(fan))
+    return found
 
 
 @dataclass
 class Oracle:
-    """By fine node: coarse cells that hold it on its side; where none does, what its piece meets of the boundary."""
+    """By fine node: coarse cells that hold it on its side; where none does, what its piece meets of the boundary.
+
+    Neither, where its side was dropped altogether.
+    """
 
     right: list[list[int]]
     walls: list[list[tuple[int, int]]]
@@ -124,7 +137,6 @@ def oracle(points, cells, coarse_points, coarse_cells, shared) -> Oracle:
                     joined.append((number[ends[0]], number[ends[1]]))
     group = components(len(number), joined)
     # anchors
-    fine_fans, coarse_fans = fans(cells, mine), fans(coarse_cells, others)
     near = {}
     for one, two in joined:
         near.setdefault(one, []).append(two)
@@ -133,27 +145,23 @@ def oracle(points, cells, coarse_points, coarse_cells, shared) -> Oracle:
     coarse_around = [np.flatnonzero((coarse_cells == s).any(axis=1)) for s in range(len(coarse_points))]
     good = set()
     for s, v in enumerate(shared.tolist()):
-        if v < 0 or fine_fans.get(v, 0) > 1 or coarse_fans.get(s, 0) > 1:
-            continue
-        local = [number[i, j] for i in around[v].tolist() for j in coarse_around[s].tolist() if (i, j) in number]
-        if not local:
-            continue
-        seen, todo = {local[0]}, [local[0]]
-        while todo:
-            for other in near.get(todo.pop(), []):
-                if other in local and other not in seen:
-                    seen.add(other)
-                    todo.append(other)
-        if len(seen) == len(local):
-            good |= set(group[local].tolist())
+        for fan in fans(cells, mine, v) if v >= 0 else ():
+            local = [number[i, j] for i in fan for j in coarse_around[s].tolist() if (i, j) in number]
+            seen = local[:1]
+            for pair in seen:
+                seen += [other for other in near.get(pair, []) if other in local and other not in seen]
+            if len(seen) == len(local):
+                good |= set(group[local].tolist())
     is_right = np.isin(group, list(good))
     right_of = [[] for _ in cells]
     for i, j, ok in zip(f.tolist(), c.tolist(), is_right.tolist(), strict=True):
         if ok:
             right_of[i].append(j)
+    shared_at = {v: s for s, v in enumerate(shared.tolist()) if v >= 0}
     right = []
     for v, x in enumerate(points):
-        found = set()
+        # a node of both is where it is
+        found = set(coarse_around[shared_at[v]].tolist()) if v in shared_at else set()
         for i in around[v].tolist():
             for j in right_of[i]:
                 t = coarse[j]
@@ -212,12 +220,11 @@ def oracle(points, cells, coarse_points, coarse_cells, shared) -> Oracle:
             links.append(ends)
     piece = components(len(cells), links)
     walls_of = {}
-    shared_at = {v: s for s, v in enumerate(shared.tolist()) if v >= 0}
     for i in range(len(cells)):
-        walls_of.setdefault(piece[i], set()).update(met[i])
-        if not right_of[i]:
-            # a node of both is a point of the coarse mesh
-            walls_of[piece[i]] |= {(shared_at[v], shared_at[v]) for v in cells[i].tolist() if v in shared_at}
+        # a node of both is a point of the coarse mesh, also where no right pair reaches it
+        reached = set(coarse_cells[right_of[i]].ravel().tolist())
+        bare = {shared_at[v] for v in cells[i].tolist() if v in shared_at} - reached
+        walls_of.setdefault(piece[i], set()).update(met[i], ((s, s) for s in bare))
     walls = []
     for v in range(len(points)):
         found = set()

@@ -7,7 +7,8 @@
 //!
 //! Which neighbours may start a walk. Around the tip of a slit, or where parts only touch, one node belongs to several
 //! sides, and a direction alone may point to the wrong one. So nodes inside the finer domain come first; those on its
-//! boundary only where nothing else is left to go on from, and tips last of all.
+//! boundary only where nothing else is left to go on from; tips, and nodes where only corners of the finer mesh meet
+//! (other than shared ones: what ends there is known), last of all.
 //!
 //! Nodes that lie outside of the coarse mesh are then looked at again from all their neighbours, and take the nearest of
 //! the places found.
@@ -51,8 +52,11 @@ impl<'a> Unplaced<'a> {
     pub fn new(finer: Finer<'a>, injection: &'a [u32]) -> Self {
         let n = finer.points.len();
         let mut status = vec![0; n];
-        finer.boundary.as_flattened().iter().for_each(|&v| status[v as usize] = ON_BOUNDARY);
-        let on_boundary = |v: u32| status.get(v as usize).is_some_and(|&status| status == ON_BOUNDARY);
+        for &[a, b] in finer.boundary {
+            status[a as usize] |= if status[a as usize] & STARTS == 0 { STARTS } else { PINCH };
+            status[b as usize] |= ON_BOUNDARY;
+        }
+        let on_boundary = |v: u32| status.get(v as usize).is_some_and(|&status| status & ON_BOUNDARY != 0);
         Self {
             finer,
             injection,
@@ -163,6 +167,10 @@ const FOUND: u8 = 1;
 const ON_BOUNDARY: u8 = 2;
 const LOST: u8 = 4;
 const OUTSIDE: u8 = 8;
+/// A boundary edge starts there.
+const STARTS: u8 = 16;
+/// Several do: parts, or two sides of a channel, only touch there.
+const PINCH: u8 = 32;
 
 /// Which neighbours a walk may start from.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -206,7 +214,7 @@ impl<'a> Search<'a> {
             };
             if let Some(&[_, h]) = coarse.leaving(c as u32).first() {
                 *place = Place::at_start(h);
-                *status |= FOUND;
+                *status = (*status & !PINCH) | FOUND;
             }
         }
         let missing = (0..points.len() as u32).into_par_iter().filter(|&v| status[v as usize] & FOUND == 0).collect();
@@ -240,7 +248,9 @@ impl<'a> Search<'a> {
             return true;
         }
         let place = &self.places[u as usize];
-        start == Start::Boundary && !place.node(self.coarse).is_some_and(|node| self.coarse.is_tip(node))
+        start == Start::Boundary
+            && status & PINCH == 0
+            && !place.node(self.coarse).is_some_and(|node| self.coarse.is_tip(node))
     }
 
     /// Tells every missing node the least neighbour to start from.

@@ -3,7 +3,7 @@
 A fine node is located from a neighbour that was located before: the coarse cells that the edge between the two runs
 through are looked at, from the neighbour's cell on and never over the coarse boundary. If none of them holds the node,
 it takes the nearest point of the boundary edges there, sliding along the wall as long as that is nearer. The order of
-the nodes is the core's: in rounds, from inner nodes first, then from boundary nodes, tips last.
+the nodes is the core's: in rounds, from inner nodes first, then from boundary nodes, tips and touching corners last.
 """
 
 from __future__ import annotations
@@ -275,6 +275,8 @@ def _located(
         if v >= 0 and c in mesh.around:
             cell = mesh.around[c][0]
             place[v] = (cell, INSIDE, tuple(float(i == c) for i in mesh.cells[cell]))
+    starts, count = np.unique(boundary[:, 0], return_counts=True)
+    touching = set(starts[count > 1].tolist()) - set(place)
     lost: set[int] = set()
 
     def may_start(u: int, grade: int) -> bool:
@@ -284,7 +286,7 @@ def _located(
             return True
         c, _, weights = place[u]
         tip = max(weights) == 1.0 and mesh.is_tip(mesh.cells[c][weights.index(1.0)])
-        return grade == 1 and not tip
+        return grade == 1 and not tip and u not in touching
 
     grade = 0
     missing = [v for v in range(len(x)) if v not in place]
