@@ -4,9 +4,10 @@
 //! point to a neighbour along a straight line, not around where the finer mesh ends (`walls`),
 //! `prolongation` locates all nodes of a finer mesh that way and writes their barycentric weights as
 //! compressed rows, `overlap` does the same for cells and areas. `galerkin` multiplies the rows,
-//! `filter` leaves weak entries out, `loose` interpolates by couplings,
+//! `filter` leaves weak entries out, `blocks` does so for several unknowns a node, `loose` interpolates by couplings,
 //! `slow` tells where a cycle needs more sweeps, `cycle` solves with them, down to the dense factor of `cholesky`.
 
+pub mod blocks;
 pub mod cholesky;
 pub mod cycle;
 pub mod filter;

@@ -25,6 +25,7 @@ __all__ = [
     "conflict_graph",
     "delaunay",
     "extended",
+    "filtered_blocks",
     "galerkin",
     "hierarchy",
     "independent_set",
@@ -105,6 +106,9 @@ def overlap(
     threads: int | None,
 ) -> _Rows: ...
 def galerkin(a: _Csr, p: _Csr, least: float, threads: int | None) -> tuple[_Rows, _Rows]: ...
+def filtered_blocks(
+    a: _Csr, first: _Indices, points: _Floats, size: int, least: float, threads: int | None
+) -> _Rows: ...
 def extended(
     a: _Csr,
     p: _Csr,

@@ -2,7 +2,7 @@
 
 On top of the hierarchy's own prolongations, some things that solvers need:
 
-- Coarse operators are Galerkin's, P^T A P, without their weak entries (`WEAK`).
+- Coarse operators are Galerkin's, P^T A P, without their weak entries (`WEAK`, `WEAK_BLOCKS`).
 - Where a level has dropped parts of the domain, unknowns that its mesh does not serve are interpolated by the entries
   of the matrix instead, some of them becoming coarse unknowns themselves; see `coarsen.loose`.
 - Where materials meet, interpolation stays within them.
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 WEAK = 0.01
 """Galerkin's entries under this, relative to the roots of both diagonals, are weak. 0.02 would cost iterations."""
+
+WEAK_BLOCKS = 0.025
+"""The same for the couplings between nodes of several unknowns, by norms of blocks. 0.05 would cost iterations."""
 
 SHRINK = 0.6
 """A level with more than this share of the unknowns of the one before is passed over."""
@@ -128,11 +131,12 @@ def stages(
             own = np.concatenate([own, more])
             component = np.concatenate([component_coarse, component[more]])
             core = backend(hierarchy.options.backend)
-            # moving an entry between two unknowns of different kinds to the diagonal would change more than its size
-            least = WEAK if block_size == 1 else 0.0
-            restriction, coarse = core.galerkin(matrix, prolongation, least, hierarchy.options.threads)
+            threads = hierarchy.options.threads
+            restriction, coarse = core.galerkin(matrix, prolongation, WEAK if block_size == 1 else 0.0, threads)
             restriction = csr(restriction, matrix.shape[0])
             coarse = csr(coarse, prolongation.shape[1])
+            if block_size > 1 and hierarchy[0].mesh.dim == 2:
+                coarse = without_weak_blocks(coarse, hierarchy[j].mesh, columns, block_size, threads)
         else:
             component, by_matrix = component_coarse, np.empty(0, np.int64)
             restriction = prolongation.T.tocsr()
@@ -153,6 +157,16 @@ def stages(
     gauges = [gauge] + [None] * (len(made) - 1)
     whole_stages = ((*stage, own) for stage, own in zip(made, gauges, strict=True))
     return [Stage(*stage) for stage in whole_stages]
+
+
+def without_weak_blocks(
+    matrix: csr_matrix, mesh: Mesh, free: NDArray[np.bool_], block_size: int, threads: int | None
+) -> csr_matrix:
+    """Leave out weak couplings between nodes, those that are wholly free; nothing changes for linear functions."""
+    nodes = np.flatnonzero(free.reshape(-1, block_size).all(axis=1))
+    first = (np.cumsum(free) - 1)[nodes * block_size]
+    rows = backend("rust").filtered_blocks(matrix, first, mesh.points[nodes], block_size, WEAK_BLOCKS, threads)
+    return csr(rows, matrix.shape[1])
 
 
 def _own_unknowns(place: NDArray[np.int64], rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::prolongation::Finer;
 use crate::transfer::rows::{Rows, RowsRef};
-use crate::transfer::{cycle, filter, galerkin, loose, overlap, prolongation, slow};
+use crate::transfer::{blocks, cycle, filter, galerkin, loose, overlap, prolongation, slow};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 
@@ -115,6 +115,22 @@ fn py_galerkin<'py>(
     Ok((matrix(py, restriction), matrix(py, made)))
 }
 
+/// `a` without the weak blocks between nodes, which `first` names the first of `size` unknowns of.
+#[pyfunction(name = "filtered_blocks")]
+fn py_filtered_blocks<'py>(
+    py: Python<'py>,
+    a: PyRows<'py>,
+    first: PyReadonlyArray1<'py, i64>,
+    points: PyReadonlyArray2<'py, f64>,
+    size: usize,
+    least: f64,
+    threads: Option<usize>,
+) -> PyResult<Matrix<'py>> {
+    let (a, first, points) = (a.view("A")?, first.as_slice()?, rows("points", &points)?);
+    let made = run(py, threads, None, |_| blocks::filtered(a, first, points, size, least))?;
+    Ok(matrix(py, made))
+}
+
 /// Interpolation by the couplings of `a` for the loose rows of `p`, and the unknowns that are its additional columns.
 #[pyfunction(name = "extended")]
 fn py_extended<'py>(
@@ -201,6 +217,7 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(py_overlap, m)?)?;
     m.add_function(wrap_pyfunction!(py_extended, m)?)?;
     m.add_function(wrap_pyfunction!(py_slow, m)?)?;
+    m.add_function(wrap_pyfunction!(py_filtered_blocks, m)?)?;
     m.add_class::<Cycle>()?;
     m.add_function(wrap_pyfunction!(py_galerkin, m)?)
 }
