@@ -14,6 +14,7 @@ pub mod filter;
 pub mod galerkin;
 pub mod halfedges;
 pub mod loose;
+pub mod order;
 pub mod overlap;
 pub mod place;
 pub mod prolongation;

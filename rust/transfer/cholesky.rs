@@ -37,9 +37,9 @@ impl Cholesky {
     }
 
     /// Solves for `x`.
-    pub fn solve(&self, b: &[f32], x: &mut [f32]) {
+    pub fn solve(&self, b: impl Fn(usize) -> f32, mut set: impl FnMut(usize, f32)) {
         let n = self.size;
-        let mut y: Vec<f64> = b.iter().map(|&value| f64::from(value)).collect();
+        let mut y: Vec<f64> = (0..n).map(|i| f64::from(b(i))).collect();
         for i in 0..n {
             let sum: f64 = (0..i).map(|j| self.lower[i * n + j] * y[j]).sum();
             y[i] = (y[i] - sum) / self.lower[i * n + i];
@@ -50,6 +50,6 @@ impl Cholesky {
                 y[j] -= self.lower[i * n + j] * y[i];
             }
         }
-        x.iter_mut().zip(y).for_each(|(x, y)| *x = y as f32);
+        y.into_iter().enumerate().for_each(|(i, y)| set(i, y as f32));
     }
 }

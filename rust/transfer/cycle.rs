@@ -1,25 +1,20 @@
 //! V-cycles, and conjugate gradients with them.
 //!
 //! One symmetric Gauss-Seidel sweep before and after the coarse correction, and one more of the unknowns that are slow,
-//! next to it. A sweep goes through large blocks of rows at
-//! the same time, each with the values that the other blocks had before; the blocks depend on the size alone, so the
-//! result is the same for any number of threads. The cycle is a preconditioner, and works in single precision: what it
-//! costs is reading matrices. Iterates, residuals and scalar products are double.
+//! next to it. A sweep goes through large blocks of rows at the same time, and then through their seam: the rows that are
+//! coupled to an earlier block. Blocks see nothing of each other but the seam, so this is Gauss-Seidel in one order of
+//! the unknowns, for any number of threads. (With the values that other blocks had before, what is strongly coupled across
+//! two blocks would converge slowly.) The cycle is a preconditioner, and works in single precision: what it costs is
+//! reading matrices. Iterates, residuals and scalar products are double.
 
 use super::cholesky::Cholesky;
+use super::order::Order;
 use super::rows::RowsRef;
 use crate::error::Error;
 use crate::progress::Progress;
 use rayon::prelude::*;
-
-/// Blocks of a sweep.
-const BLOCKS: usize = 16;
-
-/// Rows of a block at least.
-const LEAST_BLOCK: usize = 8192;
-
-/// Couplings between blocks, as a share of all, that a sweep bears.
-const MOST_STRANGE: f64 = 0.05;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// Entries of a vector that one thread takes at a time; scalar products are sums over these parts, in order.
 const PART: usize = 8192;
@@ -29,69 +24,6 @@ struct Single {
     indptr: Vec<u32>,
     indices: Vec<u32>,
     values: Vec<f32>,
-}
-
-/// An order of unknowns, if it is not the given one.
-#[derive(Default)]
-struct Order {
-    /// Old number by new number, or nothing.
-    old: Vec<u32>,
-    /// New number by old number, or nothing.
-    new: Vec<u32>,
-}
-
-impl Order {
-    /// The given order if blocks of it are mostly coupled within themselves, else breadth first over the couplings.
-    fn of(a: RowsRef<'_>) -> Self {
-        let (n, block) = (a.len(), block_of(a.len()));
-        let strange = |i: &usize| a.row(*i).0.iter().filter(|&&j| j as usize / block != i / block).count();
-        let strange: usize = (0..n).into_par_iter().with_min_len(PART).map(|i| strange(&i)).sum();
-        if (strange as f64) < MOST_STRANGE * a.indices.len() as f64 {
-            return Self::default();
-        }
-        // from the far end of a first search, so that its fronts are short
-        let first = breadth_first(a, 0);
-        let old = breadth_first(a, first[n - 1]);
-        let mut new = vec![0; n];
-        old.iter().enumerate().for_each(|(k, &i)| new[i as usize] = k as u32);
-        Self { old, new }
-    }
-
-    fn old_of(&self, i: usize) -> usize {
-        self.old.get(i).map_or(i, |&i| i as usize)
-    }
-
-    fn new_of(&self, i: usize) -> usize {
-        self.new.get(i).map_or(i, |&i| i as usize)
-    }
-}
-
-/// Rows of a block of a sweep.
-fn block_of(n: usize) -> usize {
-    n.div_ceil(BLOCKS).max(LEAST_BLOCK)
-}
-
-fn breadth_first(a: RowsRef<'_>, start: u32) -> Vec<u32> {
-    let n = a.len();
-    let mut seen = vec![false; n];
-    let mut order = Vec::with_capacity(n);
-    for root in std::iter::once(start as usize).chain(0..n) {
-        if seen[root] {
-            continue;
-        }
-        seen[root] = true;
-        let mut at = order.len();
-        order.push(root as u32);
-        while at < order.len() {
-            for &j in a.row(order[at] as usize).0 {
-                if !std::mem::replace(&mut seen[j as usize], true) {
-                    order.push(j as u32);
-                }
-            }
-            at += 1;
-        }
-    }
-    order
 }
 
 impl Single {
@@ -116,16 +48,39 @@ impl Single {
         (&self.indices[range.clone()], &self.values[range])
     }
 
-    /// `y_i = change(i, y_i, (self x)_i)`.
-    fn apply(&self, x: &[f32], y: &mut [f32], change: impl Fn(usize, f32, f32) -> f32 + Sync) {
-        y.par_chunks_mut(PART).enumerate().for_each(|(part, y)| {
-            for (k, value) in y.iter_mut().enumerate() {
-                let i = part * PART + k;
-                let (columns, values) = self.row(i);
-                let sum: f32 = columns.iter().zip(values).map(|(&j, a)| a * x[j as usize]).sum();
-                *value = change(i, *value, sum);
-            }
-        });
+    #[inline(always)]
+    fn row_times(&self, i: usize, x: &Vector) -> f32 {
+        let (columns, values) = self.row(i);
+        columns.iter().zip(values).map(|(&j, a)| a * x.get(j as usize)).sum()
+    }
+
+    /// `y_i = change(i, (self x)_i)`.
+    fn apply(&self, x: &Vector, y: &Vector, change: impl Fn(usize, f32) -> f32 + Sync) {
+        let rows = (0..self.indptr.len() - 1).into_par_iter().with_min_len(PART);
+        rows.for_each(|i| y.set(i, change(i, self.row_times(i, x))));
+    }
+}
+
+/// Numbers that threads may write while others read other ones of them.
+struct Vector(Vec<AtomicU32>);
+
+impl Vector {
+    fn zeros(n: usize) -> Self {
+        Self((0..n).map(|_| AtomicU32::new(0)).collect())
+    }
+
+    #[inline(always)]
+    fn get(&self, i: usize) -> f32 {
+        f32::from_bits(self.0[i].load(Relaxed))
+    }
+
+    #[inline(always)]
+    fn set(&self, i: usize, value: f32) {
+        self.0[i].store(value.to_bits(), Relaxed);
+    }
+
+    fn fill(&self, value: impl Fn(usize) -> f32 + Sync) {
+        (0..self.0.len()).into_par_iter().with_min_len(PART).for_each(|i| self.set(i, value(i)));
     }
 }
 
@@ -145,10 +100,9 @@ pub type Stage<'a> = (RowsRef<'a>, RowsRef<'a>, RowsRef<'a>, &'a [i64]);
 
 /// Vectors of a level.
 struct Space {
-    b: Vec<f32>,
-    x: Vec<f32>,
-    /// Values before a sweep, residuals after.
-    spare: Vec<f32>,
+    b: Vector,
+    x: Vector,
+    residual: Vector,
 }
 
 /// A V-cycle.
@@ -206,13 +160,13 @@ impl Cycle {
     }
 
     fn spaces(&self) -> Vec<Space> {
-        let space = |n: usize| Space { b: vec![0.0; n], x: vec![0.0; n], spare: vec![0.0; n] };
+        let space = |n: usize| Space { b: Vector::zeros(n), x: Vector::zeros(n), residual: Vector::zeros(n) };
         let sizes = self.levels.iter().map(|level| level.inverse.len());
         sizes.chain([self.coarsest.size]).map(space).collect()
     }
 
     /// `z` = one cycle on `r` from 0.
-    fn precondition(&self, r: &[f64], z: &mut [f64], spaces: &mut [Space]) {
+    fn precondition(&self, r: &[f64], z: &mut [f64], spaces: &[Space]) {
         // so that small residuals do not leave the range of single precision
         let scale = dot(r, r).sqrt();
         if scale == 0.0 {
@@ -221,84 +175,68 @@ impl Cycle {
         }
         let plain = Order::default();
         let order = self.levels.first().map_or(&plain, |level| &level.order);
-        let b = spaces[0].b.par_iter_mut().with_min_len(PART).enumerate();
-        b.for_each(|(i, b)| *b = (r[order.old_of(i)] / scale) as f32);
+        spaces[0].b.fill(|i| (r[order.old_of(i)] / scale) as f32);
         self.descend(0, spaces);
         let x = &spaces[0].x;
         let z = z.par_iter_mut().with_min_len(PART).enumerate();
-        z.for_each(|(i, z)| *z = f64::from(x[order.new_of(i)]) * scale);
+        z.for_each(|(i, z)| *z = f64::from(x.get(order.new_of(i))) * scale);
     }
 
-    fn descend(&self, depth: usize, spaces: &mut [Space]) {
-        let (here, below) = spaces.split_at_mut(1);
-        let Space { b, x, spare } = &mut here[0];
+    fn descend(&self, depth: usize, spaces: &[Space]) {
+        let Space { b, x, residual } = &spaces[depth];
         let Some(level) = self.levels.get(depth) else {
-            return self.coarsest.solve(b, x);
+            return self.coarsest.solve(|i| b.get(i), |i, value| x.set(i, value));
         };
-        x.fill(0.0);
-        level.sweep(b, x, spare, true, false);
-        level.sweep(b, x, spare, false, false);
-        level.sweep(b, x, spare, true, true);
-        level.sweep(b, x, spare, false, true);
-        level.a.apply(x, spare, |i, _, sum| b[i] - sum);
-        level.r.apply(spare, &mut below[0].b, |_, _, sum| sum);
-        self.descend(depth + 1, below);
-        level.p.apply(&below[0].x, x, |_, old, sum| old + sum);
-        level.sweep(b, x, spare, true, true);
-        level.sweep(b, x, spare, false, true);
-        level.sweep(b, x, spare, true, false);
-        level.sweep(b, x, spare, false, false);
+        let below = &spaces[depth + 1];
+        x.fill(|_| 0.0);
+        level.sweep(b, x, false);
+        level.sweep(b, x, true);
+        level.a.apply(x, residual, |i, sum| b.get(i) - sum);
+        level.r.apply(residual, &below.b, |_, sum| sum);
+        self.descend(depth + 1, spaces);
+        level.p.apply(&below.x, x, |i, sum| x.get(i) + sum);
+        level.sweep(b, x, true);
+        level.sweep(b, x, false);
     }
 }
 
 impl Level {
-    /// Half a symmetric sweep, over all unknowns or the slow ones.
-    fn sweep(&self, b: &[f32], x: &mut [f32], before: &mut [f32], forward: bool, slow: bool) {
+    /// A symmetric sweep, over all unknowns or the slow ones.
+    fn sweep(&self, b: &Vector, x: &Vector, slow: bool) {
         if slow && self.slow.is_empty() {
             return;
         }
-        let block = block_of(x.len());
-        let relax = |x: &mut [f32], first: usize, before: &[f32]| {
-            let end = first + x.len();
-            if slow {
-                let place = |i: usize| self.slow.partition_point(|&k| (k as usize) < i);
-                let rows = self.slow[place(first)..place(end)].iter().map(|&i| i as usize);
-                self.relax(b, x, first, before, rows, forward);
-            } else {
-                self.relax(b, x, first, before, first..end, forward);
-            }
+        let ends = &self.order.ends;
+        let seam = ends.last().copied().unwrap_or(0)..self.inverse.len();
+        let blocks = |forward: bool| {
+            (0..ends.len()).into_par_iter().for_each(|k| {
+                let start = if k == 0 { 0 } else { ends[k - 1] };
+                self.relax(b, x, start..ends[k], slow, forward);
+            });
         };
-        if x.len() <= block {
-            return relax(x, 0, &[]);
-        }
-        before.copy_from_slice(x);
-        let before = &*before;
-        x.par_chunks_mut(block).enumerate().for_each(|(k, x)| relax(x, k * block, before));
+        blocks(true);
+        self.relax(b, x, seam.clone(), slow, true);
+        self.relax(b, x, seam, slow, false);
+        blocks(false);
     }
 
-    /// Relaxes rows of a block.
-    fn relax(
-        &self,
-        b: &[f32],
-        x: &mut [f32],
-        first: usize,
-        before: &[f32],
-        rows: impl DoubleEndedIterator<Item = usize>,
-        forward: bool,
-    ) {
-        let mut relax = |i: usize| {
-            let (columns, values) = self.a.row(i);
-            let mut sum = b[i];
-            for (&j, a) in columns.iter().zip(values) {
-                let j = j as usize;
-                sum -= a * x.get(j.wrapping_sub(first)).copied().unwrap_or_else(|| before[j]);
-            }
-            x[i - first] += sum * self.inverse[i];
-        };
-        if forward {
-            rows.for_each(&mut relax);
+    /// Half a symmetric sweep over some rows, or the slow ones of them.
+    fn relax(&self, b: &Vector, x: &Vector, rows: Range<usize>, slow: bool, forward: bool) {
+        if slow {
+            let place = |i: usize| self.slow.partition_point(|&k| (k as usize) < i);
+            let slow = &self.slow[place(rows.start)..place(rows.end)];
+            self.relax_each(b, x, slow.iter().map(|&i| i as usize), forward);
         } else {
-            rows.rev().for_each(&mut relax);
+            self.relax_each(b, x, rows, forward);
+        }
+    }
+
+    fn relax_each(&self, b: &Vector, x: &Vector, rows: impl DoubleEndedIterator<Item = usize>, forward: bool) {
+        let relax = |i: usize| x.set(i, x.get(i) + (b.get(i) - self.a.row_times(i, x)) * self.inverse[i]);
+        if forward {
+            rows.for_each(relax);
+        } else {
+            rows.rev().for_each(relax);
         }
     }
 }
@@ -347,7 +285,7 @@ pub fn solve(
     if a.len() != n || a.columns != n || cycle.size() != n {
         return Err(Error::Argument(format!("'b' has {n} entries, expected {}", cycle.size())));
     }
-    let mut spaces = cycle.spaces();
+    let spaces = cycle.spaces();
     let (mut x, mut r, mut z) = (vec![0.0; n], b.to_vec(), vec![0.0; n]);
     let (mut p, mut q, mut last) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let mut norms = vec![dot(&r, &r).sqrt()];
@@ -358,7 +296,7 @@ pub fn solve(
             break;
         }
         progress.check()?;
-        cycle.precondition(&r, &mut z, &mut spaces);
+        cycle.precondition(&r, &mut z, &spaces);
         if goal.accelerated {
             // Polak and Ribière's form bears a preconditioner that is symmetric up to single precision only
             let old = rho;
@@ -390,6 +328,6 @@ pub fn precondition(cycle: &Cycle, r: &[f64]) -> Result<Vec<f64>, Error> {
         return Err(Error::Argument(format!("'r' has {} entries, expected {}", r.len(), cycle.size())));
     }
     let mut z = vec![0.0; r.len()];
-    cycle.precondition(r, &mut z, &mut cycle.spaces());
+    cycle.precondition(r, &mut z, &cycle.spaces());
     Ok(z)
 }
