@@ -3,6 +3,8 @@
 //! Every distance of the package is `sqrt(dx*dx + dy*dy)` in this order and without fused operations, so that the
 //! NumPy reference gives the same bits.
 
+use std::cmp::Ordering;
+
 /// A point of dimension `D` (1 to 3).
 pub type Point<const D: usize> = [f64; D];
 
@@ -31,6 +33,12 @@ pub fn distance<const D: usize>(a: &Point<D>, b: &Point<D>) -> f64 {
 pub fn orient(a: &Point<2>, b: &Point<2>, c: &Point<2>) -> f64 {
     let turn = robust::orient2d(coord(a), coord(b), coord(c));
     if turn != 0.0 { turn } else { orient_magnified(a, b, c) }
+}
+
+/// Order counter-clockwise around `v`, beginning to the right; exact.
+pub fn turn(v: &Point<2>, p: &Point<2>, q: &Point<2>) -> Ordering {
+    let lower_half = |p: &Point<2>| p[1] < v[1] || (p[1] == v[1] && p[0] < v[0]);
+    lower_half(p).cmp(&lower_half(q)).then_with(|| 0.0.partial_cmp(&orient(v, p, q)).unwrap_or(Ordering::Equal))
 }
 
 /// [`orient`] where products of tiny differences may have vanished: a power of two changes no sign, and coordinates over

@@ -157,15 +157,13 @@ impl Domain {
     ) -> Vec<u32> {
         let mut bad = vec![false; chords.len()];
         let splits = |i: u32| chords[i as usize].to > chords[i as usize].from + 1 && fresh(i);
-        let ends: Vec<[Point<2>; 2]> =
-            chords.iter().map(|chord| chord.vertices.map(|v| self.points[v as usize])).collect();
-        let tree = Segments::new(&ends);
-        for i in 0..chords.len() as u32 {
+        let ends: Vec<[u32; 2]> = chords.iter().map(|chord| chord.vertices).collect();
+        let tree = Segments::new(&self.points, &ends);
+        for (position, &i) in tree.order().iter().enumerate() {
             if !splits(i) {
                 continue;
             }
-            let [a, b] = &ends[i as usize];
-            tree.meeting(a, b, |j| {
+            tree.crossing(position, 0, |j| {
                 // a pair of chords that both split is met twice
                 if j == i || (j < i && splits(j)) || !self.cross(&chords[i as usize], &chords[j as usize]) {
                     return;

@@ -25,9 +25,8 @@ impl<'a> Sight<'a> {
             .zip(0..)
             .flat_map(|(chain, c)| chain.edges.iter().map(move |&edge| (c, edge)))
             .collect();
-        let ends: Vec<[Point<2>; 2]> =
-            edges.iter().map(|(_, edge)| edge.vertices.map(|v| domain.points[v as usize])).collect();
-        Sight { domain, tree: Segments::new(&ends), edges }
+        let ends: Vec<[u32; 2]> = edges.iter().map(|(_, edge)| edge.vertices).collect();
+        Sight { domain, tree: Segments::new(&domain.points, &ends), edges }
     }
 
     /// Tag of the cell at `x`, `None` outside, seen from a point `eye` inside a cell of the given tag. Chains that are gone

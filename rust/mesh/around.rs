@@ -15,7 +15,7 @@
 
 use super::outline::{Contact, Outline, coincident, lower};
 use crate::error::Broken;
-use crate::point::{NONE, Point, orient};
+use crate::point::{NONE, Point, turn};
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
@@ -29,12 +29,6 @@ struct Ray {
     segment: u32,
     /// Whether the place is an end of it.
     end: bool,
-}
-
-/// Order counter-clockwise around `v`, beginning to the right.
-fn turn(v: &Point<2>, p: &Point<2>, q: &Point<2>) -> Ordering {
-    let lower_half = |p: &Point<2>| p[1] < v[1] || (p[1] == v[1] && p[0] < v[0]);
-    lower_half(p).cmp(&lower_half(q)).then_with(|| 0.0.partial_cmp(&orient(v, p, q)).unwrap_or(Ordering::Equal))
 }
 
 /// Adds the pairs of the last of `covering` with those before it.
@@ -162,7 +156,13 @@ impl<'o, 'a> Around<'o, 'a> {
             let Some(first) = rays.iter().find(|ray| ray.part == part) else {
                 continue;
             };
-            for (of, times) in self.outline.below(&self.outline.places[place as usize]) {
+            let x = &self.outline.places[place as usize];
+            // without parts the next segment below tells it: what lies there is right in its turn
+            let below = match self.outline.has_parts {
+                true => self.outline.below(x),
+                false => vec![(part, i32::from(self.outline.is_floored(x)))],
+            };
+            for (of, times) in below {
                 if of == part && times + i32::from(first.sign == 1) > 1 {
                     let facet = self.outline.boundary[self.outline.segments[first.segment as usize].edge as usize];
                     let cell = facet.cells[0] as usize;

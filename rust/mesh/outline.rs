@@ -58,6 +58,8 @@ pub struct Outline<'a> {
     pub segments: Vec<Segment>,
     /// Tree of the segments.
     pub tree: Segments,
+    /// Whether parts are told.
+    pub has_parts: bool,
     /// Least y of the places.
     floor: f64,
 }
@@ -119,11 +121,10 @@ impl<'a> Outline<'a> {
         if part.is_none() {
             refuse_soup(points, boundary, &doubled)?;
         }
-        let at = |place: u32| places[place as usize];
-        let ends: Vec<[Point<2>; 2]> = segments.iter().map(|s: &Segment| [at(s.tail), at(s.head)]).collect();
-        let tree = Segments::new(&ends);
+        let ends: Vec<[u32; 2]> = segments.iter().map(|s: &Segment| [s.tail, s.head]).collect();
+        let tree = Segments::new(&places, &ends);
         let floor = places.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
-        Ok(Outline { boundary, places, segments, tree, floor })
+        Ok(Outline { boundary, places, segments, tree, has_parts: part.is_some(), floor })
     }
 
     /// Coordinates of both ends.
@@ -159,8 +160,7 @@ impl<'a> Outline<'a> {
     /// Contacts of the segment at a position of the tree with those after it.
     pub fn contacts_at(&self, position: usize, found: &mut Vec<Contact>) {
         let s = self.tree.order()[position];
-        let [a, b] = self.ends(s);
-        self.tree.meeting_from(position + 1, &a, &b, |other| self.contact(s, other, found));
+        self.tree.crossing(position, position + 1, |other| self.contact(s, other, found));
     }
 
     fn contact(&self, i: u32, j: u32, found: &mut Vec<Contact>) {
@@ -211,12 +211,39 @@ impl<'a> Outline<'a> {
     fn ascend(&self, x: &Point<2>, mut cross: impl FnMut(u32, i32)) {
         let ground = [x[0], self.floor.min(x[1])];
         self.tree.meeting(&ground, x, |s| {
-            let [tail, head] = self.ends(s);
-            let (left, right, sign) = if tail[0] < head[0] { (tail, head, 1) } else { (head, tail, -1) };
-            if left[0] <= x[0] && x[0] < right[0] && orient(&left, &right, x) > 0.0 {
-                cross(self.segments[s as usize].part, sign);
+            if self.is_below(s, x) {
+                let [tail, head] = self.ends(s);
+                cross(self.segments[s as usize].part, if tail[0] < head[0] { 1 } else { -1 });
             }
         });
+    }
+
+    /// Whether there are cells right above the next segment below `x`. The segments must cross nowhere.
+    pub fn is_floored(&self, x: &Point<2>) -> bool {
+        let is_below = |s: u32| self.is_below(s, x);
+        let next = self.tree.highest_below(x, self.floor.min(x[1]), is_below, |s, t| self.is_higher(s, t));
+        next.is_some_and(|s| {
+            let [tail, head] = self.ends(s);
+            tail[0] < head[0]
+        })
+    }
+
+    fn rightward(&self, segment: u32) -> [Point<2>; 2] {
+        let [tail, head] = self.ends(segment);
+        if tail[0] < head[0] { [tail, head] } else { [head, tail] }
+    }
+
+    fn is_below(&self, segment: u32, x: &Point<2>) -> bool {
+        let [left, right] = self.rightward(segment);
+        left[0] <= x[0] && x[0] < right[0] && orient(&left, &right, x) > 0.0
+    }
+
+    /// Whether the first of two segments that cross nowhere is the upper one where both are below a point.
+    fn is_higher(&self, s: u32, t: u32) -> bool {
+        let [[a, b], [c, d]] = [s, t].map(|segment| self.rightward(segment));
+        let first = if a[0] >= c[0] { orient(&c, &d, &a) } else { -orient(&a, &b, &c) };
+        let last = if b[0] <= d[0] { orient(&c, &d, &b) } else { -orient(&a, &b, &d) };
+        if first == 0.0 { last > 0.0 } else { first > 0.0 }
     }
 }
 

@@ -21,10 +21,47 @@ fn segments() -> impl Strategy<Value = Vec<[Point<2>; 2]>> {
     )
 }
 
+/// The tree of segments with one vertex for each place, and the vertices.
+fn tree(all: &[[Point<2>; 2]]) -> Segments {
+    let mut points: Vec<Point<2>> = Vec::new();
+    let mut vertex = |p: &Point<2>| {
+        let known = points.iter().position(|q| p == q);
+        known.unwrap_or_else(|| {
+            points.push(*p);
+            points.len() - 1
+        }) as u32
+    };
+    let ends: Vec<[u32; 2]> = all.iter().map(|[a, b]| [vertex(a), vertex(b)]).collect();
+    Segments::new(&points, &ends)
+}
+
+/// Segments at two vertices, in few directions.
+fn fans() -> impl Strategy<Value = Vec<[Point<2>; 2]>> {
+    let row = (0..5usize, -3..4i32, -3..4i32).prop_map(|(hub, x, y)| {
+        let from = [[0.0, 0.0], [0.0, 0.0], [0.5, 0.25], [0.5, 0.25], [f64::from(y), 1.5]][hub];
+        [from, [f64::from(x) * 0.5, f64::from(y) * 0.25]]
+    });
+    prop::collection::vec(row, 0..150).prop_map(|rows| rows.into_iter().filter(|[a, b]| a != b).collect())
+}
+
 proptest! {
     #[test]
+    fn all_that_cross_a_segment_are_found(all in fans()) {
+        let tree = tree(&all);
+        for (position, &s) in tree.order().iter().enumerate() {
+            let [a, b] = all[s as usize];
+            let mut found = Vec::new();
+            tree.crossing(position, position, |s| found.push(s));
+            for &t in &tree.order()[position..] {
+                let [c, d] = all[t as usize];
+                prop_assert!(!segments_cross(&a, &b, &c, &d) || found.contains(&t));
+            }
+        }
+    }
+
+    #[test]
     fn all_that_meet_a_segment_are_found(all in segments()) {
-        let tree = Segments::new(&all);
+        let tree = tree(&all);
         for [a, b] in &all {
             let mut found = Vec::new();
             tree.meeting(a, b, |s| found.push(s));
@@ -41,7 +78,7 @@ proptest! {
 
     #[test]
     fn all_that_come_near_a_point_are_found(all in segments(), reach in 0.0..1.0f64) {
-        let tree = Segments::new(&all);
+        let tree = tree(&all);
         for [x, _] in &all {
             let mut found = vec![false; all.len()];
             tree.near(x, reach, |s| found[s as usize] = true);
@@ -53,14 +90,54 @@ proptest! {
 
     #[test]
     fn a_later_position_finds_the_rest_only(all in segments()) {
-        let tree = Segments::new(&all);
-        for (position, &s) in tree.order().iter().enumerate() {
-            let [a, b] = all[s as usize];
+        let tree = tree(&all);
+        for position in 0..all.len() {
             let (mut later, mut whole) = (Vec::new(), Vec::new());
-            tree.meeting_from(position + 1, &a, &b, |s| later.push(s));
-            tree.meeting(&a, &b, |s| whole.push(s));
+            tree.crossing(position, position + 1, |s| later.push(s));
+            tree.crossing(position, 0, |s| whole.push(s));
             let rest = &tree.order()[position + 1..];
             prop_assert_eq!(later, whole.into_iter().filter(|s| rest.contains(s)).collect::<Vec<_>>());
         }
     }
+
+    #[test]
+    fn the_highest_below_a_point_is_found(lines in prop::collection::vec((0.0..1.0f64, 0.0..1.0f64, -0.4..0.4f64), 1..60), x in 0.0..1.0f64) {
+        // segments in layers of their own, which cross nowhere
+        let all: Vec<[Point<2>; 2]> =
+            (0..).zip(&lines).map(|(k, &(a, b, tilt))| [[a, f64::from(k)], [b, f64::from(k) + tilt]]).collect();
+        let tree = tree(&all);
+        let is_over = |s: u32| {
+            let [a, b] = all[s as usize];
+            a[0].min(b[0]) <= x && x < a[0].max(b[0])
+        };
+        for y in [-1.0, 10.0, 30.0, 100.0] {
+            let is_below = |s: u32| f64::from(s) + 0.5 < y && is_over(s);
+            let found = tree.highest_below(&[x, y], -2.0, is_below, |s, t| s > t);
+            prop_assert_eq!(found, (0..all.len() as u32).rev().find(|&s| is_below(s)));
+        }
+    }
+}
+
+/// Segments found for each of `n` segments, on average.
+fn found_per_segment(n: usize, segment: impl Fn(f64) -> [Point<2>; 2]) -> f64 {
+    let all: Vec<[Point<2>; 2]> = (0..n).map(|k| segment(k as f64 / n as f64)).collect();
+    let tree = tree(&all);
+    let mut count = 0;
+    (0..n).for_each(|position| tree.crossing(position, 0, |_| count += 1));
+    count as f64 / n as f64
+}
+
+#[test]
+fn what_is_found_does_not_grow_with_the_number_of_segments() {
+    let on_circle = |t: f64| [(6.28 * t).cos(), (6.28 * t).sin()];
+    // (star, two hubs, long slanted needles with ends here and there)
+    let few = [250, 4000].map(|n| {
+        let wave = |t: f64| 0.1 * (1e4 * t).sin();
+        [
+            found_per_segment(n, |t| [[0.0, 0.0], on_circle(t)]),
+            found_per_segment(n, |t| [[0.0, if t < 0.5 { 1.0 } else { -1.0 }], [2.0 * (t % 0.5) - 0.5, 0.0]]),
+            found_per_segment(n, |t| [[wave(t), t + 0.5 * wave(t)], [1.0 + wave(t), 0.5 + t + 0.5 * wave(t)]]),
+        ]
+    });
+    assert!(few.iter().flatten().all(|&per_segment| per_segment < 16.0), "{few:?}");
 }
