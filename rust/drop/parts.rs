@@ -125,7 +125,7 @@ fn root(parent: &mut [u32], mut t: u32) -> u32 {
 impl Ground<'_> {
     /// Whether a cell of the level may have a node.
     pub(super) fn is_of(&self, node: u32, part: u32) -> bool {
-        self.parts.of_cell.is_empty() || self.parts.at(node).contains(&part)
+        self.parts.of_cell.is_empty() || self.parts.at(node).binary_search(&part).is_ok()
     }
 
     /// Tells the part of each cell of the level, from the nodes that `is_allowed` admits; cells of none are taken out.
@@ -138,16 +138,17 @@ impl Ground<'_> {
             Some(node) => self.parts.at(node).to_vec(),
             None => {
                 let copies = self.domain.copies(site).iter().copied().filter(|&node| is_allowed(node));
-                copies.flat_map(|node| self.parts.at(node)).copied().collect()
+                let mut parts: Vec<u32> = copies.flat_map(|node| self.parts.at(node)).copied().collect();
+                parts.sort_unstable();
+                parts.dedup();
+                parts
             }
         };
         trimmed.parts_at = trimmed.sites.iter().map(of_site).collect();
         trimmed.part.fill(NONE);
         let mut unsure = Vec::new();
         for t in 0..trimmed.label.len() {
-            let mut common = trimmed.common_parts(t);
-            common.sort_unstable();
-            common.dedup();
+            let common = trimmed.common_parts(t);
             match common[..] {
                 [] => trimmed.label[t] = None,
                 [part] => trimmed.part[t] = part,
@@ -186,10 +187,14 @@ impl Ground<'_> {
 }
 
 impl Trimmed {
-    /// Parts that all corners of a cell belong to.
+    /// Parts that all corners of a cell belong to, ascending.
     fn common_parts(&self, t: usize) -> Vec<u32> {
-        let [a, b, c] = self.cells.cells[t].map(|s| &self.parts_at[s as usize]);
-        a.iter().copied().filter(|part| b.contains(part) && c.contains(part)).collect()
+        // a corner may belong to thousands
+        let mut lists = self.cells.cells[t].map(|s| &self.parts_at[s as usize]);
+        lists.sort_unstable_by_key(|parts| parts.len());
+        let [few, more, most] = lists;
+        let is_common = |part: &u32| more.binary_search(part).is_ok() && most.binary_search(part).is_ok();
+        few.iter().copied().filter(is_common).collect()
     }
 
     /// Whether a cell could be of a part.
