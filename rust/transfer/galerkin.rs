@@ -47,32 +47,33 @@ pub fn triple(r: RowsRef<'_>, a: RowsRef<'_>, p: RowsRef<'_>) -> Result<Rows, Er
 
 /// A row in the making.
 struct Sum {
-    /// Where a column is in the list, if it is there: only true if the list says the same.
-    place: Vec<u32>,
-    list: Vec<(i32, f64)>,
+    /// By column, what is summed up, and the row that it was last done for.
+    slots: Vec<(f64, u32)>,
+    row: u32,
+    columns: Vec<i32>,
 }
 
 impl Sum {
     fn new(columns: usize) -> Self {
-        Self { place: vec![0; columns], list: Vec::new() }
+        Self { slots: vec![(0.0, u32::MAX); columns], row: 0, columns: Vec::new() }
     }
 
     #[inline(always)]
     fn add(&mut self, column: i32, value: f64) {
-        let place = &mut self.place[column as usize];
-        match self.list.get_mut(*place as usize) {
-            Some(entry) if entry.0 == column => entry.1 += value,
-            _ => {
-                *place = self.list.len() as u32;
-                self.list.push((column, value));
-            }
+        let slot = &mut self.slots[column as usize];
+        if slot.1 == self.row {
+            slot.0 += value;
+        } else {
+            *slot = (value, self.row);
+            self.columns.push(column);
         }
     }
 
     fn write(&mut self, block: &mut Block) {
-        self.list.sort_unstable_by_key(|entry| entry.0);
-        block.counts.push(self.list.len() as u32);
-        block.indices.extend(self.list.iter().map(|entry| entry.0));
-        block.data.extend(self.list.drain(..).map(|entry| entry.1));
+        self.columns.sort_unstable();
+        block.counts.push(self.columns.len() as u32);
+        block.data.extend(self.columns.iter().map(|&column| self.slots[column as usize].0));
+        block.indices.append(&mut self.columns);
+        self.row += 1;
     }
 }
