@@ -206,6 +206,27 @@ def test_slow_are_those_that_relaxation_between_coarse_unknowns_leaves_behind():
     assert 0 < len(stage.slow) < 0.6 * len(e)
 
 
+def test_a_level_that_is_visited_twice_is_solved_better():
+    """Its M becomes 2 M - M A M, which is symmetric, too."""
+    mesh = small()
+    h, A = coarsen.hierarchy(mesh), multigrid.laplacian(mesh)
+    made = galerkin.stages(A, h, dirichlet="boundary", max_coarse=30)
+    stages = [(stage.A, stage.P, stage.R, stage.slow) for stage in made[:-1]]
+    assert len(stages) > 1
+    core = coarsen.backend.backend("rust")
+    fine, last = made[0].A, made[-1].A
+    rng = np.random.default_rng(SEED)
+    r = rng.normal(size=fine.shape[0])
+    once, twice = (core.Cycle(stages, last, visits).precondition(r, None) for visits in (None, 1))
+    exact = spsolve(fine.tocsc(), r)
+    errors = [np.sqrt((x - exact) @ (fine @ (x - exact))) for x in (once, twice)]
+    assert errors[1] < errors[0]
+    u, v = rng.normal(size=(2, fine.shape[0]))
+    cycle = core.Cycle(stages, last, 1)
+    left, right = v @ cycle.precondition(u, None), u @ cycle.precondition(v, None)
+    assert left == pytest.approx(right, abs=1e-5 * np.linalg.norm(u) * np.linalg.norm(cycle.precondition(v, None)))
+
+
 def test_slow_unknowns_that_are_not_there_are_refused():
     core = coarsen.backend.backend("rust")
     made = galerkin.stages(multigrid.laplacian(small()), coarsen.hierarchy(small()), dirichlet="boundary")

@@ -19,21 +19,25 @@ if TYPE_CHECKING:
 MOST_DENSE = 3000
 """More unknowns than this on the coarsest level are not factored as a dense matrix."""
 
+TWICE = 6
+"""Where features are dropped, the finest stage with at most a sixth of the unknowns is visited twice in a row: what the
+stages below leave of an error adds up from one to the next, most where a lagoon hangs on a narrow neck."""
+
 
 class Solver:
     """The package's own V-cycle for symmetric positive definite matrices; made by `solver`.
 
     One symmetric Gauss-Seidel sweep before and after, and one more of the slow unknowns (see `coarsen.galerkin.Stage`),
     in single precision and on all cores, as preconditioner of conjugate gradients in double precision. Several times as
-    fast as the same cycle in PyAMG.
+    fast as the same cycle in PyAMG. Where a level has dropped features, one small stage is visited twice (`TWICE`).
     """
 
-    def __init__(self, made: list[Stage], held: int | None, threads: int | None) -> None:
+    def __init__(self, made: list[Stage], held: int | None, threads: int | None, twice: int | None = None) -> None:
         self.stages = made
         self._held = held
         self._threads = threads
         coarsened: list[Any] = [(stage.A, stage.P, stage.R, stage.slow) for stage in made[:-1]]
-        self._cycle = backend("rust").Cycle(coarsened, made[-1].A)
+        self._cycle = backend("rust").Cycle(coarsened, made[-1].A, twice)
 
     def __repr__(self) -> str:
         return f"Solver(unknowns {' > '.join(str(stage.A.shape[0]) for stage in self.stages)})"
@@ -151,4 +155,7 @@ def solver(
     if made[0].gauge is not None:
         mask = transfer.free_mask(hierarchy[0].mesh, free, dirichlet)
         held = None if mask is None else int(np.argmin(mask))
-    return Solver(made, held, hierarchy.options.threads)
+    twice = None
+    if any(level.dropped is not None for level in hierarchy):
+        twice = next((k for k, stage in enumerate(made[:-1]) if TWICE * stage.A.shape[0] <= made[0].A.shape[0]), None)
+    return Solver(made, held, hierarchy.options.threads, twice)

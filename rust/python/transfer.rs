@@ -172,13 +172,14 @@ struct Cycle {
 impl Cycle {
     /// `stages` are (A, P, R, slow unknowns), finest first; `coarsest` is the last A.
     #[new]
-    fn new(py: Python<'_>, stages: Vec<PyStage<'_>>, coarsest: PyRows<'_>) -> PyResult<Self> {
+    #[pyo3(signature = (stages, coarsest, twice=None))]
+    fn new(py: Python<'_>, stages: Vec<PyStage<'_>>, coarsest: PyRows<'_>, twice: Option<usize>) -> PyResult<Self> {
         let mut made = Vec::new();
         for (a, p, r, slow) in &stages {
             made.push((a.view("A")?, p.view("P")?, r.view("R")?, slow.as_slice()?));
         }
         let last = coarsest.view("A")?;
-        Ok(Self { inner: py.detach(|| cycle::Cycle::new(&made, last))? })
+        Ok(Self { inner: py.detach(|| cycle::Cycle::new(&made, last, twice))? })
     }
 
     /// The solution, and the norms of the residuals.

@@ -110,11 +110,13 @@ pub struct Cycle {
     levels: Vec<Level>,
     coarsest: Cholesky,
     size: usize,
+    /// The level that is visited twice in a row, if any.
+    twice: Option<usize>,
 }
 
 impl Cycle {
-    /// From all levels but the coarsest, finest first, and the coarsest operator.
-    pub fn new(stages: &[Stage<'_>], coarsest: RowsRef<'_>) -> Result<Self, Error> {
+    /// From all levels but the coarsest, finest first, the coarsest operator, and the level that is visited twice in a row.
+    pub fn new(stages: &[Stage<'_>], coarsest: RowsRef<'_>, twice: Option<usize>) -> Result<Self, Error> {
         let mut levels: Vec<Level> = Vec::new();
         let mut orders: Vec<Order> = stages.par_iter().map(|(a, ..)| Order::of(*a)).collect();
         orders.push(Order::default());
@@ -151,7 +153,7 @@ impl Cycle {
         if coarsest.len() != size || coarsest.columns != size {
             return Err(Error::Argument("the coarsest matrix does not fit".into()));
         }
-        Ok(Self { levels, coarsest: Cholesky::new(coarsest)?, size: finest })
+        Ok(Self { levels, coarsest: Cholesky::new(coarsest)?, size: finest, twice })
     }
 
     /// Unknowns of the finest level.
@@ -176,24 +178,28 @@ impl Cycle {
         let plain = Order::default();
         let order = self.levels.first().map_or(&plain, |level| &level.order);
         spaces[0].b.fill(|i| (r[order.old_of(i)] / scale) as f32);
+        spaces[0].x.fill(|_| 0.0);
         self.descend(0, spaces);
         let x = &spaces[0].x;
         let z = z.par_iter_mut().with_min_len(PART).enumerate();
         z.for_each(|(i, z)| *z = f64::from(x.get(order.new_of(i))) * scale);
     }
 
+    /// One cycle on `x`, from the values it has.
     fn descend(&self, depth: usize, spaces: &[Space]) {
         let Space { b, x, residual } = &spaces[depth];
         let Some(level) = self.levels.get(depth) else {
             return self.coarsest.solve(|i| b.get(i), |i, value| x.set(i, value));
         };
         let below = &spaces[depth + 1];
-        x.fill(|_| 0.0);
         level.sweep(b, x, false);
         level.sweep(b, x, true);
         level.a.apply(x, residual, |i, sum| b.get(i) - sum);
         level.r.apply(residual, &below.b, |_, sum| sum);
-        self.descend(depth + 1, spaces);
+        below.x.fill(|_| 0.0);
+        for _ in 0..if self.twice == Some(depth + 1) { 2 } else { 1 } {
+            self.descend(depth + 1, spaces);
+        }
         level.p.apply(&below.x, x, |i, sum| x.get(i) + sum);
         level.sweep(b, x, true);
         level.sweep(b, x, false);
