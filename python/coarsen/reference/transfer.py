@@ -275,8 +275,8 @@ def _located(
         if v >= 0 and c in mesh.around:
             cell = mesh.around[c][0]
             place[v] = (cell, INSIDE, tuple(float(i == c) for i in mesh.cells[cell]))
-    starts, count = np.unique(boundary[:, 0], return_counts=True)
-    touching = set(starts[count > 1].tolist()) - set(place)
+    tails, count = np.unique(boundary[:, 0], return_counts=True)
+    touching = set(tails[count > 1].tolist()) - set(place)
     lost: set[int] = set()
 
     def may_start(u: int, grade: int) -> bool:
