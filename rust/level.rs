@@ -219,36 +219,53 @@ pub fn near_facets(
     let facets = domain.len();
     let mut places = vec![Place::Inside; candidates.nodes.len() - facets];
     let tree: &KdTree<2> = &candidates.tree;
-    let in_leaves: Vec<f64> = tree.order().par_iter().map(|&k| f[k as usize]).collect();
+    // f of the interior candidates; none is negative
+    let spacing = |&k: &u32| if (k as usize) < facets { -1.0 } else { f[k as usize] };
+    let in_leaves: Vec<f64> = tree.order().par_iter().map(spacing).collect();
     let most = tree.node_max(&in_leaves);
     for chord in chords {
-        let [a, b] = chord.vertices.map(|v| domain.points[v as usize]);
-        let segment = Bounds::of([&a, &b]);
+        let ends = chord.vertices.map(|v| domain.points[v as usize]);
+        let [a, b] = &ends;
+        let segment = Bounds::of(&ends);
         let reached = |node: usize| {
-            let reach = delta * most[node];
-            tree.bounds(node).gap_2(&segment) < reach * reach
+            let (reach, bounds) = (delta * most[node], tree.bounds(node));
+            most[node] >= 0.0 && bounds.gap_2(&segment) < reach * reach && is_within(bounds, &ends, reach)
         };
         each_in(tree, reached, |k| {
-            let is_near = || segment_distance_2(&candidates.points[k], &a, &b) < (delta * f[k]) * (delta * f[k]);
+            let is_near = || segment_distance_2(&candidates.points[k], a, b) < (delta * f[k]) * (delta * f[k]);
             if k >= facets && places[k - facets] == Place::Inside && is_near() {
                 places[k - facets] = Place::Near;
             }
         });
         if chord.deviation_2 > 0.0 {
             let piece = Bounds::of(domain.piece(chord).map(|v| &domain.points[v as usize]));
-            each_in(
-                tree,
-                |node| tree.bounds(node).gap_2(&piece) == 0.0,
-                |k| {
-                    if k >= facets && places[k - facets] != Place::CutOff && domain.holds(chord, &candidates.points[k])
-                    {
-                        places[k - facets] = Place::CutOff;
-                    }
-                },
-            );
+            let deviation = chord.deviation_2.sqrt();
+            let touched = |node: usize| {
+                let bounds = tree.bounds(node);
+                most[node] >= 0.0 && bounds.gap_2(&piece) == 0.0 && is_within(bounds, &ends, deviation)
+            };
+            each_in(tree, touched, |k| {
+                if k >= facets && places[k - facets] != Place::CutOff && domain.holds(chord, &candidates.points[k]) {
+                    places[k - facets] = Place::CutOff;
+                }
+            });
         }
     }
     places
+}
+
+/// Whether a box may come as near to the line through two points as `reach`: the box of a long slanted segment tells little.
+fn is_within(bounds: &Bounds<2>, [a, b]: &[Point<2>; 2], reach: f64) -> bool {
+    /// Room for rounding, relative.
+    const SLACK: f64 = 1e-12;
+    let length = distance(a, b);
+    let [nx, ny] = [(a[1] - b[1]) / length, (b[0] - a[0]) / length];
+    let [x, y] = [0, 1].map(|k| 0.5 * ((bounds.lo[k] - a[k]) + (bounds.hi[k] - a[k])));
+    let [hx, hy] = [0, 1].map(|k| 0.5 * (bounds.hi[k] - bounds.lo[k]));
+    let room = reach + nx.abs() * hx + ny.abs() * hy + SLACK * (x.abs() + y.abs() + hx + hy + reach);
+    let off = (x * nx + y * ny).abs();
+    // no number where the length vanished in floats
+    off <= room || off.is_nan()
 }
 
 /// Calls `found` with every candidate in the tree nodes that are `wanted`.
