@@ -78,12 +78,14 @@ def _facet_tag(mesh: Mesh, tag: Any) -> int:
 
 def reduced(matrix: csr_matrix, rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> csr_matrix:
     """Return the rows and columns of a matrix that two masks pick."""
-    if not rows.all():
-        matrix = matrix[rows]
-    if columns.all():
+    if rows.all() and columns.all():
         return matrix
-    place = np.cumsum(columns, dtype=matrix.indices.dtype) - 1
     keep = columns[matrix.indices]
+    if not rows.all():
+        keep &= np.repeat(rows, np.diff(matrix.indptr))
     before = np.zeros(len(keep) + 1, dtype=matrix.indptr.dtype)
     np.cumsum(keep, out=before[1:])
-    return csr((before[matrix.indptr], place[matrix.indices[keep]], matrix.data[keep]), int(np.count_nonzero(columns)))
+    # rows that go have nothing left: each that stays starts where it did, and ends where the next one starts
+    starts = before[matrix.indptr[np.append(rows, True)]]
+    place = np.cumsum(columns, dtype=matrix.indices.dtype) - 1
+    return csr((starts, place[matrix.indices[keep]], matrix.data[keep]), int(np.count_nonzero(columns)))
