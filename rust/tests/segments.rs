@@ -4,6 +4,7 @@ use _core::domain::segments_cross;
 use _core::point::Point;
 use _core::segments::Segments;
 use proptest::prelude::*;
+use std::f64::consts::TAU;
 
 /// Segments of a family: any, parallel and slanted, from one place, tiny and far away, all on one line.
 fn segments() -> impl Strategy<Value = Vec<[Point<2>; 2]>> {
@@ -129,7 +130,7 @@ fn found_per_segment(n: usize, segment: impl Fn(f64) -> [Point<2>; 2]) -> f64 {
 
 #[test]
 fn what_is_found_does_not_grow_with_the_number_of_segments() {
-    let on_circle = |t: f64| [(6.28 * t).cos(), (6.28 * t).sin()];
+    let on_circle = |t: f64| [(TAU * t).cos(), (TAU * t).sin()];
     // (star, two hubs, long slanted needles with ends here and there)
     let few = [250, 4000].map(|n| {
         let wave = |t: f64| 0.1 * (1e4 * t).sin();

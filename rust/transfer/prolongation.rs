@@ -24,6 +24,7 @@ use super::walls::Walls;
 use crate::error::Error;
 use crate::point::{NONE, Point, distance};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A mesh whose nodes are looked for in a coarser one.
@@ -42,7 +43,6 @@ pub struct Unplaced<'a> {
     finer: Finer<'a>,
     injection: &'a [u32],
     walls: Walls<'a>,
-    places: Vec<Place>,
     status: Vec<u8>,
     from: Vec<AtomicU32>,
 }
@@ -61,7 +61,6 @@ impl<'a> Unplaced<'a> {
             finer,
             injection,
             walls: Walls::new(finer.points, finer.boundary, on_boundary, injection),
-            places: vec![Place::UNKNOWN; n],
             status,
             from: (0..n).map(|_| AtomicU32::new(NOWHERE)).collect(),
         }
@@ -98,7 +97,7 @@ pub fn locate<'a>(finer: Unplaced<'a>, coarse: &'a HalfEdges<'a>) -> Result<Loca
     if coarse.cells.is_empty() {
         return Err(Error::Argument("the coarse mesh has no cells".into()));
     }
-    let n = finer.places.len();
+    let n = finer.status.len();
     if n > i32::MAX as usize {
         return Err(Error::Argument(format!("{n} nodes, expected fewer than 2**31")));
     }
@@ -189,8 +188,9 @@ struct Search<'a> {
     status: Vec<u8>,
     /// Start of the walk to a node, least first: whether it lies outside, then its index.
     from: Vec<AtomicU32>,
-    /// Cells that have a node that is not found, but at the beginning, when all are looked at.
-    open: Option<Vec<u32>>,
+    /// Cells from which no walk has started yet and that have a node that is not found, in pieces; `None` before the
+    /// first round, which looks at all.
+    open: Option<Vec<Vec<u32>>>,
     /// Nodes that are not found, ascending.
     missing: Vec<u32>,
 }
@@ -205,20 +205,59 @@ const FROM_OUTSIDE: u32 = 1 << 31;
 
 impl<'a> Search<'a> {
     fn new(unplaced: Unplaced<'a>, coarse: &'a HalfEdges<'a>) -> Result<Self, Error> {
-        let Unplaced { finer, injection, walls, mut places, mut status, from } = unplaced;
+        let Unplaced { finer, injection, walls, mut status, from } = unplaced;
         let Finer { points, cells, .. } = finer;
+        let mut home = vec![NONE; points.len()];
         for (c, &v) in injection.iter().enumerate().filter(|&(_, &v)| v != NONE) {
-            let (place, status) = match (places.get_mut(v as usize), status.get_mut(v as usize)) {
-                (Some(place), Some(status)) => (place, status),
+            let (home, status) = match (home.get_mut(v as usize), status.get_mut(v as usize)) {
+                (Some(home), Some(status)) => (home, status),
                 _ => return Err(Error::Argument(format!("'injection' of node {c} is {v}, out of range"))),
             };
             if let Some(&[_, h]) = coarse.leaving(c as u32).first() {
-                *place = Place::at_start(h);
+                *home = h;
                 *status = (*status & !PINCH) | FOUND;
+                // nothing is less: nobody tells this node where to start
+                from[v as usize].store(0, Ordering::Relaxed);
             }
         }
-        let missing = (0..points.len() as u32).into_par_iter().filter(|&v| status[v as usize] & FOUND == 0).collect();
-        Ok(Self { points, cells, coarse, walls, places, status, from, open: None, missing })
+        let mut search =
+            Self { points, cells, coarse, walls, places: Vec::new(), status, from, open: None, missing: Vec::new() };
+        search.begin(&home)?;
+        Ok(search)
+    }
+
+    /// The first round: all walks start from shared nodes, given by a half-edge that leaves them in the coarse mesh. So
+    /// they read none of the places that they make.
+    fn begin(&mut self, home: &[u32]) -> Result<(), Error> {
+        self.spread(Start::Interior);
+        let failed = OnceLock::new();
+        let locate = |v: usize| match (home[v], self.from[v].load(Ordering::Relaxed)) {
+            (NONE, NOWHERE) => Place::UNKNOWN,
+            (NONE, u) => self.walked(u, &Place::at_start(home[u as usize]), v as u32).unwrap_or_else(|error| {
+                failed.get_or_init(|| error);
+                Place::UNKNOWN
+            }),
+            (h, _) => Place::at_start(h),
+        };
+        // no `Result` for each: a plain array is written in place by all threads
+        let places = (0..home.len()).into_par_iter().with_min_len(GRAIN).map(locate).collect::<Vec<_>>();
+        let mark = |(status, place): (&mut u8, &Place)| {
+            *status |= match place.cell {
+                NONE => 0,
+                _ if place.is_outside() => FOUND | OUTSIDE,
+                _ => FOUND,
+            }
+        };
+        self.status.par_iter_mut().zip(&places).with_min_len(CHUNK).for_each(mark);
+        self.places = places;
+        let is_missing = |&v: &u32| self.status[v as usize] & FOUND == 0;
+        self.missing = (0..home.len() as u32).into_par_iter().with_min_len(CHUNK).filter(is_missing).collect();
+        failed.into_inner().map_or(Ok(()), Err)
+    }
+
+    /// The place of node `v`, by a walk from its neighbour `u`.
+    fn walked(&self, u: u32, place: &Place, v: u32) -> Result<Place, Error> {
+        walk(self.coarse, &self.walls, &self.points[u as usize], place, v, &self.points[v as usize])
     }
 
     fn run(&mut self) -> Result<(), Error> {
@@ -239,42 +278,56 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
+    #[inline(always)]
     fn may_start(&self, u: u32, start: Start) -> bool {
         let status = self.status[u as usize];
-        if status & FOUND == 0 {
-            return false;
+        if status & (FOUND | ON_BOUNDARY) != FOUND | ON_BOUNDARY || start == Start::Tip {
+            return status & FOUND != 0;
         }
-        if status & ON_BOUNDARY == 0 || start == Start::Tip {
-            return true;
-        }
-        let place = &self.places[u as usize];
-        start == Start::Boundary
-            && status & PINCH == 0
-            && !place.node(self.coarse).is_some_and(|node| self.coarse.is_tip(node))
+        start == Start::Boundary && status & PINCH == 0 && !self.is_tip(u)
+    }
+
+    #[cold]
+    fn is_tip(&self, u: u32) -> bool {
+        self.places[u as usize].node(self.coarse).is_some_and(|node| self.coarse.is_tip(node))
     }
 
     /// Tells every missing node the least neighbour to start from.
     fn spread(&mut self, start: Start) {
+        let before = self.open.take();
+        let status = |v: u32| self.status[v as usize];
+        let key = |u: u32| match self.may_start(u, start) {
+            true if status(u) & OUTSIDE == 0 => u,
+            true => FROM_OUTSIDE | u,
+            false => NOWHERE,
+        };
+        // a cell with a start is done with: all its nodes are found in this round
         let stays_open = |&c: &u32| {
             let cell = self.cells[c as usize];
-            let is_missing = cell.map(|v| self.status[v as usize] & FOUND == 0);
-            if is_missing == [false; 3] {
-                return false;
+            let [a, b, c] = cell.map(key);
+            let least = a.min(b).min(c);
+            if least == NOWHERE {
+                return cell.iter().any(|&v| status(v) & FOUND == 0);
             }
-            for &u in cell.iter().filter(|&&u| self.may_start(u, start)) {
-                let key = if self.status[u as usize] & OUTSIDE == 0 { u } else { FROM_OUTSIDE | u };
-                for (&v, _) in cell.iter().zip(is_missing).filter(|&(_, is_missing)| is_missing) {
-                    // half of the edges come twice
-                    if key < self.from[v as usize].load(Ordering::Relaxed) {
-                        self.from[v as usize].fetch_min(key, Ordering::Relaxed);
-                    }
+            for v in cell {
+                let from = &self.from[v as usize];
+                // half of the edges come twice
+                if least < from.load(Ordering::Relaxed) {
+                    from.fetch_min(least, Ordering::Relaxed);
                 }
             }
-            true
+            false
         };
-        let open: Vec<u32> = match &self.open {
-            None => (0..self.cells.len() as u32).into_par_iter().with_min_len(4096).filter(stays_open).collect(),
-            Some(open) => open.par_iter().with_min_len(4096).copied().filter(stays_open).collect(),
+        let open = match before {
+            Some(mut open) => {
+                open.par_iter_mut().for_each(|piece| piece.retain(stays_open));
+                open
+            }
+            None => {
+                let count = self.cells.len() as u32;
+                let pieces = (0..count.div_ceil(CHUNK as u32)).into_par_iter().map(|i| i * CHUNK as u32);
+                pieces.map(|first| (first..count.min(first + CHUNK as u32)).filter(stays_open).collect()).collect()
+            }
         };
         self.open = Some(open);
     }
@@ -286,7 +339,7 @@ impl<'a> Search<'a> {
             self.missing.par_iter().with_min_len(GRAIN).partition(|&&v| from(v) != NOWHERE);
         let locate = |&v: &u32| {
             let u = (from(v) & !FROM_OUTSIDE) as usize;
-            let place = walk(self.coarse, &self.walls, &self.points[u], &self.places[u], v, &self.points[v as usize])?;
+            let place = self.walked(u as u32, &self.places[u], v)?;
             let marks = if place.is_outside() { OUTSIDE | self.status[u] & LOST } else { 0 };
             Ok((place, FOUND | marks))
         };
@@ -308,7 +361,7 @@ impl<'a> Search<'a> {
     /// Looks at the nodes outside again, from all their neighbours: a line may leave the coarse mesh and come in again,
     /// where cells were taken off its rim, and another one may end nearer.
     fn reconsider(&mut self) -> Result<(), Error> {
-        let is_outside = |v: u32| self.places[v as usize].is_outside();
+        let is_outside = |v: u32| self.status[v as usize] & OUTSIDE != 0;
         let meets = |cell: &[u32; 3]| cell.iter().any(|&v| is_outside(v));
         let near: Vec<&[u32; 3]> = self.cells.par_iter().with_min_len(4096).filter(|cell| meets(cell)).collect();
         let mut edges: Vec<[u32; 2]> = near
