@@ -29,10 +29,9 @@ const SKEW: f64 = 1e-3;
 /// The square of a weight, relative to those of i and j, is at most this: flat pairs of triangles amplify.
 const MOST: f64 = 16.0;
 
-/// What is taken out: the places of the blocks between the nodes i, j, k, l of two triangles, and the weights of these over
-/// the root of that of i and j.
+/// What is taken out: the nodes i, j, k, l of two triangles, and their weights over the root of that of i and j.
 struct Weak {
-    places: [[u32; 4]; 4],
+    nodes: [u32; 4],
     weights: [f64; 4],
 }
 
@@ -44,8 +43,8 @@ struct Blocks {
     columns: Vec<u32>,
     /// Rows of each block, one after the other.
     data: Vec<f64>,
-    /// Norms of the blocks over the roots of those of both diagonal blocks.
-    strengths: Vec<f64>,
+    /// Norms of the diagonal blocks.
+    own: Vec<f64>,
 }
 
 /// The square matrix without its weak blocks.
@@ -79,70 +78,53 @@ pub fn filtered(a: RowsRef<'_>, first: &[i64], points: &[Point<2>], size: usize,
     for weak in found.into_iter().flatten() {
         blocks.take_out(&weak, &mut gone);
     }
-    let starts: Vec<usize> = (0..n).step_by(CHUNK).collect();
-    let row = |i: usize| {
+    let mut made = Block::default();
+    for i in 0..n {
         let (columns, values) = a.row(i);
-        let entries = columns.iter().copied().zip(values.iter().copied());
-        let stays = |&(j, _): &(i32, f64)| place[i].is_none() || place[j as usize].is_none();
-        let mut row: Vec<(i32, f64)> = entries.filter(stays).collect();
+        let mut row: Vec<(i32, f64)> = columns
+            .iter()
+            .zip(values)
+            .filter(|&(&j, _)| place[i].is_none() || place[j as usize].is_none())
+            .map(|(&j, &value)| (j, value))
+            .collect();
         if let Some((node, k)) = place[i] {
             for at in blocks.row(node).filter(|&at| !gone[at]) {
                 let values = &blocks.data[(at * size + k) * size..][..size];
                 let start = first[blocks.columns[at] as usize] as i32;
                 row.extend((start..).zip(values.iter().copied()).filter(|entry| entry.1 != 0.0));
             }
-            // of what has one order the sort only makes sure
-            row.sort_by_key(|entry| entry.0);
+            row.sort_unstable_by_key(|entry| entry.0);
         }
-        row
-    };
-    let rows = starts.into_par_iter().map(|start| {
-        let mut made = Block::default();
-        for row in (start..(start + CHUNK).min(n)).map(row) {
-            made.counts.push(row.len() as u32);
-            made.indices.extend(row.iter().map(|entry| entry.0));
-            made.data.extend(row.iter().map(|entry| entry.1));
-        }
-        made
-    });
-    Rows::stacked(n, rows.collect())
+        made.counts.push(row.len() as u32);
+        made.indices.extend(row.iter().map(|entry| entry.0));
+        made.data.extend(row.iter().map(|entry| entry.1));
+    }
+    Rows::stacked(n, vec![made])
 }
 
 impl Blocks {
     fn new(a: RowsRef<'_>, first: &[i64], place: &[Option<(u32, usize)>], size: usize) -> Self {
-        // columns and values of the blocks of a node
-        let blocks = |&start: &i64| {
+        let mut made = Self { size, starts: vec![0], columns: vec![], data: vec![], own: vec![] };
+        for (node, &start) in first.iter().enumerate() {
+            let begin = made.columns.len();
             let rows = || (0..size).map(|k| a.row(start as usize + k));
             let nodes = rows().flat_map(|(columns, _)| columns).filter_map(|&j| place[j as usize]).map(|place| place.0);
             let mut nodes: Vec<u32> = nodes.collect();
             nodes.sort_unstable();
             nodes.dedup();
-            let mut data = vec![0.0; nodes.len() * size * size];
+            made.columns.append(&mut nodes);
+            made.data.resize(made.columns.len() * size * size, 0.0);
             for (k, (columns, values)) in rows().enumerate() {
-                let mut at = 0;
                 for (&j, &value) in columns.iter().zip(values) {
                     if let Some((other, l)) = place[j as usize] {
-                        if nodes[at] != other {
-                            at = nodes.partition_point(|&column| column < other);
-                        }
-                        data[(at * size + k) * size + l] += value;
+                        let at = begin + made.columns[begin..].partition_point(|&column| column < other);
+                        made.data[(at * size + k) * size + l] += value;
                     }
                 }
             }
-            (nodes, data)
-        };
-        let found: Vec<(Vec<u32>, Vec<f64>)> = first.par_iter().with_min_len(CHUNK).map(blocks).collect();
-        let mut made = Self { size, starts: vec![0], columns: vec![], data: vec![], strengths: vec![] };
-        for (mut nodes, mut data) in found {
-            made.columns.append(&mut nodes);
-            made.data.append(&mut data);
             made.starts.push(made.columns.len());
+            made.own.push(made.find(node as u32, node as u32).map_or(0.0, |at| made.norm(at)));
         }
-        let nodes = 0..first.len() as u32;
-        let own: Vec<f64> = nodes.clone().map(|i| made.find(i, i).map_or(0.0, |at| made.norm(at))).collect();
-        let strengths = nodes.flat_map(|i| made.row(i).map(move |at| (i, at)));
-        let scale = |i: u32, j: u32| (own[i as usize] * own[j as usize]).sqrt();
-        made.strengths = strengths.map(|(i, at)| made.norm(at) / scale(i, made.columns[at])).collect();
         made
     }
 
@@ -162,52 +144,57 @@ impl Blocks {
         self.block(at).iter().map(|value| value * value).sum::<f64>().sqrt()
     }
 
+    /// The norm of the block of row i and column j, and what norms there are measured with.
+    fn strength(&self, i: u32, at: usize) -> (f64, f64) {
+        (self.norm(at), (self.own[i as usize] * self.own[self.columns[at] as usize]).sqrt())
+    }
+
+    /// The relative norm of a block that is not weak.
+    fn strong(&self, i: u32, j: u32, least: f64) -> Option<f64> {
+        let (norm, scale) = self.strength(i, self.find(i, j)?);
+        (norm >= least * scale && scale > 0.0).then(|| norm / scale)
+    }
+
     /// The weak blocks between i and nodes after it that two triangles can do without.
     fn weak(&self, points: &[Point<2>], i: u32, least: f64) -> Vec<Weak> {
         let twice = |a: u32, b: u32, c: u32| {
             let [a, b, c] = [a, b, c].map(|node| points[node as usize]);
             (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         };
-        let is_strong = |at: usize| self.strengths[at] >= least;
         let mut found = Vec::new();
         for at in self.row(i) {
-            let (j, strength) = (self.columns[at], self.strengths[at]);
-            // neither a strong one nor none at all
-            if j <= i || !(strength > 0.0 && strength < least) {
+            let j = self.columns[at];
+            let (norm, scale) = self.strength(i, at);
+            if j <= i || norm >= least * scale {
                 continue;
             }
-            let most = SKEW * self.norm(at) / strength;
-            let symmetric = |&back: &usize| self.strengths[back] < least && self.is_symmetric(at, back, most);
-            let Some(back) = self.find(j, i).filter(symmetric) else { continue };
+            let Some(back) = self.find(j, i).filter(|&back| self.is_symmetric(at, back, SKEW * scale)) else {
+                continue;
+            };
+            if self.norm(back) >= least * scale {
+                continue;
+            }
             // the neighbours of both on the left and on the right that are coupled most
             let mut sides: [Option<(f64, u32)>; 2] = [None; 2];
-            for at in self.row(i).filter(|&at| is_strong(at)) {
-                let k = self.columns[at];
-                let Some(other) = self.find(j, k).filter(|&other| k != i && k != j && is_strong(other)) else {
-                    continue;
-                };
-                let (strength, area) = (self.strengths[at].min(self.strengths[other]), twice(i, j, k));
+            for k in self.row(i).map(|at| self.columns[at]).filter(|&k| k != i && k != j) {
+                let Some(strength) = self.strong(i, k, least).zip(self.strong(j, k, least)) else { continue };
+                let (strength, area) = (strength.0.min(strength.1), twice(i, j, k));
                 let side = &mut sides[usize::from(area < 0.0)];
                 if area != 0.0 && side.is_none_or(|best| strength > best.0) {
                     *side = Some((strength, k));
                 }
             }
             let [Some((_, k)), Some((_, l))] = sides else { continue };
+            if self.strong(k, l, least).is_none() {
+                continue;
+            }
             let weights = [twice(j, k, l), -twice(i, k, l), twice(i, j, l), -twice(i, j, k)];
             let most = weights.iter().fold(0.0f64, |most, weight| most.max(weight.abs()));
             let weights = weights.map(|weight| weight / most);
             let product = weights[0] * weights[1];
-            if !(product > 0.0 && weights.iter().all(|weight| weight * weight <= MOST * product)) {
-                continue;
-            }
-            let nodes = [i, j, k, l];
-            let places = nodes.map(|a| nodes.map(|b| self.find(a, b)));
-            let is_kept =
-                |&place: &Option<usize>| place.is_some_and(|place| place == at || place == back || is_strong(place));
-            if places.iter().flatten().all(is_kept) {
-                let places = places.map(|row| row.map(|place| place.map_or(0, |place| place as u32)));
+            if product > 0.0 && weights.iter().all(|weight| weight * weight <= MOST * product) {
                 let root = product.sqrt();
-                found.push(Weak { places, weights: weights.map(|weight| weight / root) });
+                found.push(Weak { nodes: [i, j, k, l], weights: weights.map(|weight| weight / root) });
             }
         }
         found
@@ -222,21 +209,21 @@ impl Blocks {
         })
     }
 
-    /// Takes the block between the first two nodes out of the matrix.
     fn take_out(&mut self, weak: &Weak, gone: &mut [bool]) {
-        let size = self.size;
-        let (at, back) = (weak.places[0][1] as usize, weak.places[1][0] as usize);
-        // whatever else is taken out changes strong blocks only
+        let (size, [i, j, ..]) = (self.size, weak.nodes);
+        let (Some(at), Some(back)) = (self.find(i, j), self.find(j, i)) else { return };
         let mean = |k: usize| {
             let turned = k % size * size + k / size;
             let (one, two) = (self.block(at), self.block(back));
             (one[k] + one[turned] + two[k] + two[turned]) / 4.0
         };
         let mean: Vec<f64> = (0..size * size).map(mean).collect();
-        for (places, weight) in weak.places.iter().zip(weak.weights) {
-            for (&place, other) in places.iter().zip(weak.weights) {
-                let block = &mut self.data[place as usize * size * size..][..size * size];
-                block.iter_mut().zip(&mean).for_each(|(value, mean)| *value -= weight * other * mean);
+        for (&a, weight) in weak.nodes.iter().zip(weak.weights) {
+            for (&b, other) in weak.nodes.iter().zip(weak.weights) {
+                if let Some(place) = self.find(a, b) {
+                    let block = &mut self.data[place * size * size..][..size * size];
+                    block.iter_mut().zip(&mean).for_each(|(value, mean)| *value -= weight * other * mean);
+                }
             }
         }
         (gone[at], gone[back]) = (true, true);
