@@ -9,6 +9,7 @@
 
 pub mod blocks;
 pub mod cholesky;
+pub mod clusters;
 pub mod cycle;
 pub mod filter;
 pub mod galerkin;

@@ -8,6 +8,7 @@
 //! reading matrices. Iterates, residuals and scalar products are double.
 
 use super::cholesky::Cholesky;
+use super::clusters::clusters;
 use super::order::Order;
 use super::rows::RowsRef;
 use crate::error::Error;
@@ -91,6 +92,8 @@ struct Level {
     inverse: Vec<f32>,
     /// Unknowns that are swept once more, ascending in their new numbers.
     slow: Vec<u32>,
+    /// Unknowns that are relaxed together.
+    clusters: Vec<(Vec<u32>, Cholesky)>,
     p: Single,
     r: Single,
 }
@@ -147,8 +150,10 @@ impl Cycle {
             }
             let mut slow: Vec<u32> = slow.iter().map(|&i| order.new_of(i as usize) as u32).collect();
             slow.sort_unstable();
+            let mut clusters = clusters(*a);
+            clusters.iter_mut().flat_map(|cluster| &mut cluster.0).for_each(|i| *i = order.new_of(*i as usize) as u32);
             let (p, r) = (Single::new(*p, &order, below), Single::new(*r, below, &order));
-            levels.push(Level { a: Single::new(*a, &order, &order), order, inverse, slow, p, r });
+            levels.push(Level { a: Single::new(*a, &order, &order), order, inverse, slow, clusters, p, r });
         }
         if coarsest.len() != size || coarsest.columns != size {
             return Err(Error::Argument("the coarsest matrix does not fit".into()));
@@ -194,6 +199,7 @@ impl Cycle {
         let below = &spaces[depth + 1];
         level.sweep(b, x, false);
         level.sweep(b, x, true);
+        level.relax_clusters(b, x);
         level.a.apply(x, residual, |i, sum| b.get(i) - sum);
         level.r.apply(residual, &below.b, |_, sum| sum);
         below.x.fill(|_| 0.0);
@@ -201,6 +207,7 @@ impl Cycle {
             self.descend(depth + 1, spaces);
         }
         level.p.apply(&below.x, x, |i, sum| x.get(i) + sum);
+        level.relax_clusters(b, x);
         level.sweep(b, x, true);
         level.sweep(b, x, false);
     }
@@ -234,6 +241,17 @@ impl Level {
             self.relax_each(b, x, slow.iter().map(|&i| i as usize), forward);
         } else {
             self.relax_each(b, x, rows, forward);
+        }
+    }
+
+    /// Relaxes each cluster, there and back.
+    fn relax_clusters(&self, b: &Vector, x: &Vector) {
+        let mut residual = Vec::new();
+        for (rows, factor) in self.clusters.iter().chain(self.clusters.iter().rev()) {
+            let row = |k: usize| rows[k] as usize;
+            residual.clear();
+            residual.extend((0..rows.len()).map(|k| b.get(row(k)) - self.a.row_times(row(k), x)));
+            factor.solve(|k| residual[k], |k, change| x.set(row(k), x.get(row(k)) + change));
         }
     }
 
