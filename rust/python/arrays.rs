@@ -7,6 +7,8 @@ use crate::error::Error;
 use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Runs `$body` with the constant `$d` set to the dimension of `$points`, an (n, d) array with d from 1 to 3.
 macro_rules! by_dimension {
@@ -96,6 +98,77 @@ pub fn narrowed<T: Element + Copy + Into<i64>, const K: usize>(
         narrow.push(row.map(|i| i as u32));
     }
     Ok(narrow)
+}
+
+/// Cells as NumPy has them, read where they are.
+pub enum GivenCells<'py> {
+    Int32(PyReadonlyArray2<'py, i32>),
+    Int64(PyReadonlyArray2<'py, i64>),
+}
+
+impl<'py> GivenCells<'py> {
+    /// Of an array of int32 or int64.
+    pub fn new(array: &Bound<'py, PyUntypedArray>) -> Result<Self, Error> {
+        if let Ok(array) = array.cast::<PyArray2<i32>>() {
+            return Ok(Self::Int32(array.readonly()));
+        }
+        match array.cast::<PyArray2<i64>>() {
+            Ok(array) => Ok(Self::Int64(array.readonly())),
+            Err(_) => Err(Error::Argument("'cells' is not an (m, d + 1) array of int32 or int64".into())),
+        }
+    }
+
+    /// Their rows, which other threads may read.
+    pub fn rows<const K: usize>(&self) -> Result<WideRows<'_, K>, Error> {
+        Ok(match self {
+            Self::Int32(array) => WideRows::Int32(rows("cells", array)?),
+            Self::Int64(array) => WideRows::Int64(rows("cells", array)?),
+        })
+    }
+}
+
+/// Rows of nodes as NumPy has them.
+#[derive(Clone, Copy)]
+pub enum WideRows<'a, const K: usize> {
+    Int32(&'a [[i32; K]]),
+    Int64(&'a [[i64; K]]),
+}
+
+impl<const K: usize> WideRows<'_, K> {
+    /// As the core has them, in a mesh of `n` nodes; on all threads of the pool that it is called in.
+    pub fn narrowed(self, n: usize) -> Result<Vec<[u32; K]>, Error> {
+        match self {
+            Self::Int32(rows) => narrowed_rows(rows, n),
+            Self::Int64(rows) => narrowed_rows(rows, n),
+        }
+    }
+}
+
+fn narrowed_rows<T: Copy + Into<i64> + Sync, const K: usize>(
+    rows: &[[T; K]],
+    n: usize,
+) -> Result<Vec<[u32; K]>, Error> {
+    let bad = AtomicUsize::new(usize::MAX);
+    let narrow = |(r, row): (usize, &[T; K])| {
+        let row = row.map(Into::into);
+        if row.iter().any(|&i| i < 0 || i >= n as i64) {
+            bad.fetch_min(r, Ordering::Relaxed);
+        }
+        row.map(|i| i as u32)
+    };
+    let narrow = rows.par_iter().enumerate().with_min_len(4096).map(narrow).collect();
+    let outside = |&&i: &&T| i.into() < 0 || i.into() >= n as i64;
+    let r = bad.into_inner();
+    match rows.get(r).and_then(|row| row.iter().find(outside)) {
+        Some(&node) => {
+            let node = node.into();
+            Err(Error::Argument(format!(
+                "'cells[{r}]' names node {node}, expected an index from 0 to {}",
+                n as i64 - 1
+            )))
+        }
+        None => Ok(narrow),
+    }
 }
 
 /// The core's indices as an int64 array.

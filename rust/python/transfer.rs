@@ -1,6 +1,6 @@
 //! Bindings of `transfer`.
 
-use super::arrays::{cells as cell_rows, narrowed, rows};
+use super::arrays::{GivenCells, narrowed, rows};
 use super::run::run;
 use crate::error::Error;
 use crate::point::NONE;
@@ -39,10 +39,12 @@ fn py_prolongation<'py>(
     threads: Option<usize>,
 ) -> PyResult<(Matrix<'py>, Indices<'py>, Bound<'py, PyArray1<f64>>, Indices<'py>)> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
-    let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
+    let (cells, coarse_cells) = (GivenCells::new(&cells)?, GivenCells::new(&coarse_cells)?);
+    let (cells, coarse_cells) = (cells.rows()?, coarse_cells.rows()?);
     let boundary = narrowed("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let (made, outside, lost) = run(py, threads, None, |_| {
+        let (fine, coarse) = (cells.narrowed(points.len())?, coarse_cells.narrowed(coarse_points.len())?);
         let finer = Finer { points, cells: &fine, boundary: &boundary };
         let (coarse, finer) = prolongation::prepared(finer, coarse_points, &coarse, &injection)?;
         let located = prolongation::locate(finer, &coarse)?;
@@ -68,10 +70,12 @@ fn py_overlap<'py>(
     threads: Option<usize>,
 ) -> PyResult<Matrix<'py>> {
     let (points, coarse_points) = (rows("points", &points)?, rows("coarse_points", &coarse_points)?);
-    let (fine, coarse) = (cell_rows(&cells, points.len())?, cell_rows(&coarse_cells, coarse_points.len())?);
+    let (cells, coarse_cells) = (GivenCells::new(&cells)?, GivenCells::new(&coarse_cells)?);
+    let (cells, coarse_cells) = (cells.rows()?, coarse_cells.rows()?);
     let boundary = narrowed("boundary", &boundary, points.len())?;
     let injection = injected(&injection, coarse_points.len())?;
     let made = run(py, threads, None, |_| {
+        let (fine, coarse) = (cells.narrowed(points.len())?, coarse_cells.narrowed(coarse_points.len())?);
         let finer = Finer { points, cells: &fine, boundary: &boundary };
         let (coarse, finer) = prolongation::prepared(finer, coarse_points, &coarse, &injection)?;
         let located = prolongation::locate(finer, &coarse)?;
