@@ -287,30 +287,6 @@ impl Segments {
         self.descend(|node| self.nodes[node].is_within(&p, reach), |position| visit(self.order[position]));
     }
 
-    /// For each node of the tree the farthest that one of its segments reaches.
-    pub fn reaches(&self, of: impl Fn(u32) -> f64) -> Vec<f64> {
-        let mut most = vec![f64::NEG_INFINITY; self.nodes.len()];
-        for node in (1..most.len()).rev() {
-            most[node] = if node >> self.depth == 0 {
-                most[2 * node].max(most[2 * node + 1])
-            } else {
-                self.order[self.range(node)].iter().map(|&s| of(s)).fold(f64::NEG_INFINITY, f64::max)
-            };
-        }
-        most
-    }
-
-    /// Calls `visit` with every segment that reaches `x`, and some more. `reaches` are those of the nodes.
-    pub fn reaching(&self, x: &Point<2>, reaches: &[f64], mut visit: impl FnMut(u32)) {
-        let p = self.scaled(x);
-        let slack = SLACK * (1.0 + p[0].abs().max(p[1].abs()));
-        let within = |node: usize| {
-            let reach = reaches[node] / self.extent;
-            reach >= 0.0 && self.nodes[node].is_within(&p, reach + slack + SLACK * reach)
-        };
-        self.descend(within, |position| visit(self.order[position]));
-    }
-
     fn descend(&self, enter: impl Fn(usize) -> bool, mut visit: impl FnMut(usize)) {
         let mut stack = vec![1usize];
         while let Some(node) = stack.pop() {

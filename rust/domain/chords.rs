@@ -17,9 +17,10 @@
 //! the latest, with the input's own facets.
 
 use super::{Domain, segment_distance_2, segments_cross};
-use crate::kdtree::Bounds;
 use crate::point::{Point, orient};
 use crate::segments::Segments;
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree};
 use std::f64::consts::TAU;
 
 /// A chord of a chain, from one kept position to the next; positions of closed chains run on past the end.
@@ -47,6 +48,8 @@ const FEW: usize = 8;
 
 /// Directions that differ by less may be in either order, in radians.
 const LEVEL: f64 = 1e-13;
+
+type Boxed = GeomWithData<Rectangle<Point<2>>, u32>;
 
 impl Domain {
     /// Adds to `kept` the vertices that make it a valid coarse domain, and returns its chords. `obstacles` are kept
@@ -169,23 +172,23 @@ impl Domain {
                 bad[if later { j } else { i } as usize] = true;
             });
         }
-        // the region of a chord lies within its deviation
-        let mut boxes: Vec<Option<Bounds<2>>> = vec![None; chords.len()];
-        for i in (0..chords.len()).filter(|&i| splits(i as u32) && chords[i].deviation_2 > 0.0 && !bad[i]) {
-            boxes[i] = Some(Bounds::of(self.piece(&chords[i]).map(|v| &self.points[v as usize])));
-        }
-        if boxes.iter().any(Option::is_some) {
-            let reach = |i: u32| boxes[i as usize].map_or(f64::NEG_INFINITY, |_| chords[i as usize].deviation_2.sqrt());
-            let reaches = tree.reaches(reach);
+        let regions: Vec<Boxed> = (0..chords.len() as u32)
+            .filter(|&i| splits(i) && chords[i as usize].deviation_2 > 0.0 && !bad[i as usize])
+            .map(|i| {
+                let envelope = AABB::from_points(self.piece(&chords[i as usize]).map(|v| &self.points[v as usize]));
+                GeomWithData::new(Rectangle::from_corners(envelope.lower(), envelope.upper()), i)
+            })
+            .collect();
+        if !regions.is_empty() {
+            let tree = RTree::bulk_load(regions);
             let mut look = |p: &Point<2>, vertex: Option<u32>| {
-                tree.reaching(p, &reaches, |i| {
-                    let i = i as usize;
+                for region in tree.locate_all_at_point(*p) {
+                    let i = region.data as usize;
                     let is_end = vertex.is_some_and(|v| chords[i].vertices.contains(&v));
-                    let is_near = boxes[i].is_some_and(|bounds| bounds.distance_2(p) == 0.0);
-                    if is_near && !is_end && !bad[i] && self.holds(&chords[i], p) {
+                    if !is_end && !bad[i] && self.holds(&chords[i], p) {
                         bad[i] = true;
                     }
-                });
+                }
             };
             for v in (0..self.len()).filter(|&v| kept[v]) {
                 look(&self.points[v], Some(v as u32));
