@@ -20,7 +20,7 @@ const PART: usize = 8192;
 /// The clusters of a symmetric matrix, and their factored blocks; the strongest couplings are taken first.
 pub fn clusters(a: RowsRef<'_>) -> Vec<(Vec<u32>, Cholesky)> {
     let n = a.len();
-    let diagonal: Vec<f64> = (0..n).map(|i| entry(a, i, i)).collect();
+    let diagonal: Vec<f64> = (0..n).into_par_iter().with_min_len(PART).map(|i| entry(a, i, i)).collect();
     let rows = (0..n).into_par_iter().with_min_len(PART);
     let mut pairs: Vec<(f64, u32, u32)> = rows
         .flat_map_iter(|i| {

@@ -2,6 +2,7 @@
 
 use super::rows::RowsRef;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 /// Blocks of a sweep.
 const BLOCKS: usize = 16;
@@ -48,17 +49,19 @@ impl Order {
     /// Blocks of an order, and their seam.
     fn seamed(a: RowsRef<'_>, given: &[u32], block: usize) -> Self {
         let n = given.len();
-        let mut block_of = vec![0; n];
-        given.iter().enumerate().for_each(|(k, &i)| block_of[i as usize] = k / block);
-        let mut in_seam = vec![false; n];
-        for i in 0..n {
+        // at most `BLOCKS`, so that a byte is enough
+        let mut block_of = vec![0u8; n];
+        given.iter().enumerate().for_each(|(k, &i)| block_of[i as usize] = (k / block) as u8);
+        let in_seam: Vec<AtomicBool> = (0..n).map(|_| AtomicBool::new(false)).collect();
+        (0..n).into_par_iter().with_min_len(PART).for_each(|i| {
             for &j in a.row(i).0 {
                 let j = j as usize;
                 if block_of[i] != block_of[j] {
-                    in_seam[if block_of[i] > block_of[j] { i } else { j }] = true;
+                    in_seam[if block_of[i] > block_of[j] { i } else { j }].store(true, Relaxed);
                 }
             }
-        }
+        });
+        let in_seam: Vec<bool> = in_seam.into_iter().map(AtomicBool::into_inner).collect();
         let (mut old, mut ends) = (Vec::with_capacity(n), Vec::new());
         for members in given.chunks(block) {
             old.extend(members.iter().filter(|&&i| !in_seam[i as usize]));
