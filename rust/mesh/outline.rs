@@ -212,8 +212,7 @@ impl<'a> Outline<'a> {
         let ground = [x[0], self.floor.min(x[1])];
         self.tree.meeting(&ground, x, |s| {
             if self.is_below(s, x) {
-                let [tail, head] = self.ends(s);
-                cross(self.segments[s as usize].part, if tail[0] < head[0] { 1 } else { -1 });
+                cross(self.segments[s as usize].part, if self.has_cells_above(s) { 1 } else { -1 });
             }
         });
     }
@@ -222,15 +221,18 @@ impl<'a> Outline<'a> {
     pub fn is_floored(&self, x: &Point<2>) -> bool {
         let is_below = |s: u32| self.is_below(s, x);
         let next = self.tree.highest_below(x, self.floor.min(x[1]), is_below, |s, t| self.is_higher(s, t));
-        next.is_some_and(|s| {
-            let [tail, head] = self.ends(s);
-            tail[0] < head[0]
-        })
+        next.is_some_and(|s| self.has_cells_above(s))
+    }
+
+    /// Whether a segment leads to the right: its cells lie on its left.
+    fn has_cells_above(&self, segment: u32) -> bool {
+        let [tail, head] = self.ends(segment);
+        tail[0] < head[0]
     }
 
     fn rightward(&self, segment: u32) -> [Point<2>; 2] {
         let [tail, head] = self.ends(segment);
-        if tail[0] < head[0] { [tail, head] } else { [head, tail] }
+        if self.has_cells_above(segment) { [tail, head] } else { [head, tail] }
     }
 
     fn is_below(&self, segment: u32, x: &Point<2>) -> bool {

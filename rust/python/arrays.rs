@@ -73,13 +73,10 @@ pub fn indices(name: &str, array: &PyReadonlyArray1<'_, i64>, n: usize) -> Resul
 
 /// The cells of a mesh of `n` nodes, from int32 or int64.
 pub fn cells<const K: usize>(array: &Bound<'_, PyUntypedArray>, n: usize) -> PyResult<Vec<[u32; K]>> {
-    if let Ok(array) = array.cast::<PyArray2<i32>>() {
-        return Ok(narrowed("cells", &array.readonly(), n)?);
-    }
-    match array.cast::<PyArray2<i64>>() {
-        Ok(array) => Ok(narrowed("cells", &array.readonly(), n)?),
-        Err(_) => Err(Error::Argument("'cells' is not an (m, d + 1) array of int32 or int64".into()).into()),
-    }
+    Ok(match GivenCells::new(array)? {
+        GivenCells::Int32(array) => narrowed("cells", &array, n)?,
+        GivenCells::Int64(array) => narrowed("cells", &array, n)?,
+    })
 }
 
 /// Rows of nodes of a mesh of `n`.
@@ -91,13 +88,21 @@ pub fn narrowed<T: Element + Copy + Into<i64>, const K: usize>(
     let mut narrow = Vec::with_capacity(array.shape()[0]);
     for (r, row) in rows::<T, K>(name, array)?.iter().enumerate() {
         let row = row.map(Into::into);
-        if let Some(&bad) = row.iter().find(|&&i| i < 0 || i >= n as i64) {
-            let text = format!("'{name}[{r}]' names node {bad}, expected an index from 0 to {}", n as i64 - 1);
-            return Err(Error::Argument(text));
+        if let Some(node) = outside(&row, n) {
+            return Err(no_node(name, r, node, n));
         }
         narrow.push(row.map(|i| i as u32));
     }
     Ok(narrow)
+}
+
+/// The first node of a row that a mesh of `n` does not have.
+fn outside(row: &[i64], n: usize) -> Option<i64> {
+    row.iter().copied().find(|&i| i < 0 || i >= n as i64)
+}
+
+fn no_node(name: &str, r: usize, node: i64, n: usize) -> Error {
+    Error::Argument(format!("'{name}[{r}]' names node {node}, expected an index from 0 to {}", n as i64 - 1))
 }
 
 /// Cells as NumPy has them, read where they are.
@@ -151,22 +156,15 @@ fn narrowed_rows<T: Copy + Into<i64> + Sync, const K: usize>(
     let bad = AtomicUsize::new(usize::MAX);
     let narrow = |(r, row): (usize, &[T; K])| {
         let row = row.map(Into::into);
-        if row.iter().any(|&i| i < 0 || i >= n as i64) {
+        if outside(&row, n).is_some() {
             bad.fetch_min(r, Ordering::Relaxed);
         }
         row.map(|i| i as u32)
     };
     let narrow = rows.par_iter().enumerate().with_min_len(4096).map(narrow).collect();
-    let outside = |&&i: &&T| i.into() < 0 || i.into() >= n as i64;
     let r = bad.into_inner();
-    match rows.get(r).and_then(|row| row.iter().find(outside)) {
-        Some(&node) => {
-            let node = node.into();
-            Err(Error::Argument(format!(
-                "'cells[{r}]' names node {node}, expected an index from 0 to {}",
-                n as i64 - 1
-            )))
-        }
+    match rows.get(r).and_then(|row| outside(&row.map(Into::into), n)) {
+        Some(node) => Err(no_node("cells", r, node, n)),
         None => Ok(narrow),
     }
 }

@@ -17,16 +17,13 @@ const MOST: usize = 8;
 /// Rows that one thread takes at a time.
 const PART: usize = 8192;
 
-/// The clusters of a symmetric matrix, and their factored blocks; the strongest couplings are taken first.
-pub fn clusters(a: RowsRef<'_>) -> Vec<(Vec<u32>, Cholesky)> {
-    let n = a.len();
-    let diagonal: Vec<f64> = (0..n).into_par_iter().with_min_len(PART).map(|i| entry(a, i, i)).collect();
-    let rows = (0..n).into_par_iter().with_min_len(PART);
+/// The clusters of a symmetric matrix with a diagonal, and their factored blocks; the strongest couplings are taken first.
+pub fn clusters(a: RowsRef<'_>, diagonal: &[f64]) -> Vec<(Vec<u32>, Cholesky)> {
+    let rows = (0..a.len()).into_par_iter().with_min_len(PART);
     let mut pairs: Vec<(f64, u32, u32)> = rows
         .flat_map_iter(|i| {
             let (columns, values) = a.row(i);
             let later = columns.iter().zip(values).filter(move |(j, _)| **j as usize > i);
-            let diagonal = &diagonal;
             let shares = later.map(move |(&j, v)| (v * v / (diagonal[i] * diagonal[j as usize]), i as u32, j as u32));
             shares.filter(|pair| pair.0 > STRONG)
         })
@@ -57,14 +54,9 @@ pub fn clusters(a: RowsRef<'_>) -> Vec<(Vec<u32>, Cholesky)> {
     factored.collect()
 }
 
-fn entry(a: RowsRef<'_>, i: usize, j: usize) -> f64 {
-    let (columns, values) = a.row(i);
-    columns.iter().position(|&k| k as usize == j).map_or(0.0, |k| values[k])
-}
-
 fn block(a: RowsRef<'_>, set: &[u32]) -> Rows {
     let n = set.len();
-    let data = set.iter().flat_map(|&i| set.iter().map(move |&j| entry(a, i as usize, j as usize))).collect();
+    let data = set.iter().flat_map(|&i| set.iter().map(move |&j| a.entry(i as usize, j as usize))).collect();
     let (indptr, indices) = ((0..=n).map(|i| (i * n) as i32).collect(), (0..n * n).map(|k| (k % n) as i32).collect());
     Rows { columns: n, indptr, indices, data }
 }
@@ -87,7 +79,7 @@ mod tests {
             indices: (0..36).map(|k| k % 6).collect(),
             data: dense.concat(),
         };
-        let found: Vec<Vec<u32>> = clusters(a.view()).into_iter().map(|cluster| cluster.0).collect();
+        let found: Vec<Vec<u32>> = clusters(a.view(), &[1.0; 6]).into_iter().map(|cluster| cluster.0).collect();
         assert_eq!(found, [[0, 1, 2]]);
     }
 
@@ -102,7 +94,7 @@ mod tests {
             }
             a.indptr.push(a.indices.len() as i32);
         }
-        let sizes: Vec<usize> = clusters(a.view()).iter().map(|cluster| cluster.0.len()).collect();
+        let sizes: Vec<usize> = clusters(a.view(), &vec![1.0; n]).iter().map(|cluster| cluster.0.len()).collect();
         assert!(sizes.iter().all(|size| (2..=MOST).contains(size)) && sizes.contains(&MOST));
     }
 }

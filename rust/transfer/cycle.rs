@@ -132,25 +132,23 @@ impl Cycle {
                 return Err(Error::Argument("the matrices of two levels do not fit".into()));
             }
             size = p.columns;
-            let diagonal = |i: usize| {
-                let (columns, values) = a.row(i);
-                let own = columns.iter().position(|&j| j as usize == i).map_or(0.0, |k| values[k]);
-                if own > 0.0 {
-                    Ok((1.0 / own) as f32)
-                } else {
-                    Err(Error::Argument(format!("row {i} of a matrix has the diagonal {own}, expected a positive one")))
-                }
-            };
+            let rows = (0..a.len()).into_par_iter().with_min_len(PART);
+            let diagonal: Vec<f64> = rows.map(|i| a.entry(i, i)).collect();
+            if let Some(i) = diagonal.iter().position(|&own| own.is_nan() || own <= 0.0) {
+                let own = diagonal[i];
+                let text = format!("row {i} of a matrix has the diagonal {own}, expected a positive one");
+                return Err(Error::Argument(text));
+            }
             let order = orders.next().unwrap_or_default();
             let plain = Order::default();
             let below = orders.peek().unwrap_or(&plain);
-            let inverse = (0..a.len()).map(|i| diagonal(order.old_of(i))).collect::<Result<_, _>>()?;
+            let inverse = (0..a.len()).map(|i| (1.0 / diagonal[order.old_of(i)]) as f32).collect();
             if slow.iter().any(|&i| usize::try_from(i).map_or(true, |i| i >= a.len())) {
                 return Err(Error::Argument("'slow' names an unknown that is not there".into()));
             }
             let mut slow: Vec<u32> = slow.iter().map(|&i| order.new_of(i as usize) as u32).collect();
             slow.sort_unstable();
-            let mut clusters = clusters(*a);
+            let mut clusters = clusters(*a, &diagonal);
             clusters.iter_mut().flat_map(|cluster| &mut cluster.0).for_each(|i| *i = order.new_of(*i as usize) as u32);
             let (p, r) = (Single::new(*p, &order, below), Single::new(*r, below, &order));
             levels.push(Level { a: Single::new(*a, &order, &order), order, inverse, slow, clusters, p, r });

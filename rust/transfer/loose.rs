@@ -74,8 +74,7 @@ pub fn extended(
         let least = LEAST[usize::from(sweep == SWEEPS)];
         for k in 0..rest.len() {
             let i = rest[if sweep % 2 == 0 { k } else { rest.len() - 1 - k }];
-            let (columns, values) = a.row(i);
-            let diagonal = columns.iter().position(|&j| j as usize == i).map_or(0.0, |k| values[k]);
+            let diagonal = a.entry(i, i);
             if diagonal > 0.0 {
                 made[i] = thinned(combined(couplings(i).map(|(j, value)| (&made[j], -value / diagonal))), least);
             }

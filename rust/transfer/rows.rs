@@ -120,6 +120,12 @@ impl<'a> RowsRef<'a> {
         (&self.indices[range.clone()], &self.data[range])
     }
 
+    /// The entry in row `i` and column `j`, 0 where there is none; columns may be in any order.
+    pub fn entry(&self, i: usize, j: usize) -> f64 {
+        let (columns, values) = self.row(i);
+        columns.iter().position(|&k| k as usize == j).map_or(0.0, |k| values[k])
+    }
+
     /// The transpose. Runtime: O(entries), one thread.
     pub fn transposed(&self) -> Rows {
         let mut indptr = vec![0i32; self.columns + 1];
