@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -303,7 +304,9 @@ def test_a_terminal_sees_a_bar_for_every_stage(place: Path) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interrupt_ends_in_one_line_and_leaves_nothing(place: Path) -> None:
     gallery.crack_plate(20_000).write("plate.npz")
-    process = spawn("build", "plate.npz", "-o", "out", "--backend", "numpy", stderr=subprocess.PIPE)
+    # a shell's background jobs, and what they start, ignore the signal
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    process = spawn("build", "plate.npz", "-o", "out", "--backend", "numpy", stderr=subprocess.PIPE, preexec_fn=heed)
     deadline = time.monotonic() + 60
     while not any(file.name.startswith(".coarsen") for file in place.iterdir()) and time.monotonic() < deadline:
         time.sleep(0.02)
