@@ -120,7 +120,12 @@ def slow(a: _Csr, coarse: npt.NDArray[np.bool_], left: float) -> npt.NDArray[np.
 
 @final
 class Cycle:
-    def __new__(cls, stages: list[tuple[_Csr, _Csr, _Csr, npt.NDArray[np.int64]]], coarsest: _Csr) -> Cycle: ...
+    def __new__(
+        cls,
+        stages: list[tuple[_Csr, _Csr, _Csr, npt.NDArray[np.int64]]],
+        coarsest: _Csr,
+        twice: int | None = None,
+    ) -> Cycle: ...
     def solve(
         self, a: _Csr, b: _Floats, tolerance: float, iterations: int, accelerated: bool, threads: int | None
     ) -> tuple[_Floats, _Floats]: ...
