@@ -214,6 +214,8 @@ pub(crate) struct Builder<'a> {
     thin: Option<(f64, CoarseSpacing<'static, 2>)>,
     /// f at all candidates for the factor of the first pool, until sites are left out by it.
     known: Option<(f64, Vec<f64>)>,
+    /// f_1 at all candidates, from the choice that tells the size of level 1 to the one that makes it.
+    pub(crate) first: Option<Vec<f64>>,
     /// Levels between a pool and the level that draws from it.
     lag: usize,
     euler: i64,
@@ -362,6 +364,7 @@ impl<'a> Base<'a> {
             spacing,
             thin: None,
             known: None,
+            first: None,
         }
     }
 }
@@ -512,7 +515,15 @@ impl Builder<'_> {
     pub(crate) fn at_hand(&mut self, i: usize) -> Result<(Vec<f64>, usize), Error> {
         let p = self.put_at_hand(i)?;
         let pool = &self.pools[p];
-        let f = if p > 0 && i == p + self.lag { pool.f.clone() } else { self.spacing_in(i, pool)? };
+        let is_first = p == 0 && i == 1;
+        let f = match if is_first { self.first.take() } else { None } {
+            Some(f) => f,
+            None if p > 0 && i == p + self.lag => pool.f.clone(),
+            None => self.spacing_in(i, pool)?,
+        };
+        if is_first {
+            self.first = Some(f.clone());
+        }
         self.progress.check()?;
         Ok((f, p))
     }

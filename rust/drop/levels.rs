@@ -346,6 +346,7 @@ impl Builder<'_> {
         finest.candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(nodes) };
         finest.members = members.into_iter().map(|k| k as u32).collect();
         self.pools.truncate(1);
+        self.first = None;
         self.at_hand = usize::MAX;
     }
 }
