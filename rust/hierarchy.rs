@@ -3,12 +3,15 @@
 //!
 //! Candidates. As printed, every level looks at every node. With `pool`, level i draws its interior nodes from a
 //! maximal independent set made with the spacing f_i / C^m (C^m >= 4, so this pool is much finer than the level), which
-//! was drawn from the pool of level i - 1 in turn; the first pool also serves the levels before its own that are at least
-//! about twice as coarse as it. Facet vertices are candidates on every level. The work over all levels
-//! is then O(n).
+//! was drawn from the pool of level i - 1 in turn. The first pool is made with f_1 from all nodes, where f_{1+m} / C^m is
+//! about that; elsewhere nodes are added under this. It also serves the levels before its own that are at least about twice as
+//! coarse as it, and level 1 begins with that first set. Facet vertices are candidates on every level. The work over
+//! all levels is then O(n).
 //!
 //! Depth. The paper takes the number of levels k as given. Without one, k is the first level whose own (not nested) mesh
 //! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
+
+mod pools;
 
 use crate::domain::{Domain, FacetRow};
 use crate::drop::{Dropped, Parts};
@@ -18,8 +21,9 @@ use crate::kdtree::KdTree;
 use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
-use crate::selection::greedy_in_tiles;
-use crate::spacing::{CoarseSpacing, nearest, threshold};
+use crate::selection::Known;
+use crate::spacing::{CoarseSpacing, nearest};
+pub(crate) use pools::Pool;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -169,16 +173,6 @@ pub struct Level {
     pub dropped: Option<Dropped>,
 }
 
-pub(crate) struct Pool<'a> {
-    pub(crate) candidates: Candidates<'a>,
-    /// Candidate of the finest pool, by candidate of this one.
-    pub(crate) members: Vec<u32>,
-    /// f at the candidates, of the level that the pool is made for; empty in the finest.
-    pub(crate) f: Vec<f64>,
-    /// Candidates looked at to make it.
-    pub(crate) visits: usize,
-}
-
 pub(crate) struct Chosen {
     pub(crate) choice: Choice,
     /// f by candidate.
@@ -212,10 +206,8 @@ pub(crate) struct Builder<'a> {
     pub(crate) spacing: &'a Spacing<'a>,
     /// The spacing over fewer sites, and the least factor that it is right for.
     thin: Option<(f64, CoarseSpacing<'static, 2>)>,
-    /// f at all candidates for the factor of the first pool, until sites are left out by it.
-    known: Option<(f64, Vec<f64>)>,
-    /// f_1 at all candidates, from the choice that tells the size of level 1 to the one that makes it.
-    pub(crate) first: Option<Vec<f64>>,
+    /// f_1 at all candidates of the finest pool, and a maximal independent set under it.
+    pub(crate) known: Option<Known>,
     /// Levels between a pool and the level that draws from it.
     lag: usize,
     euler: i64,
@@ -266,15 +258,7 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
                 Some(levels) => (levels, Stopped::Levels),
                 None => builder.depth()?,
             };
-            // the spacing of the finest level waits for nothing: it fills the pauses of the other threads
-            let (coarse, first) = rayon::join(
-                || builder.levels(2, depth, Choice::default()),
-                || spacing.at_all(options.factor, progress),
-            );
-            let (mut levels, seeds) = coarse?;
-            if depth > 0 {
-                levels.insert(0, builder.level(1, &seeds, first?)?.0);
-            }
+            let levels = builder.levels(depth, Choice::default())?;
             (levels, stopped)
         }
         Drop::Always => {
@@ -289,7 +273,7 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
             // what the levels that drop features are to keep, so that they have it to draw from
             let facets = if is_enough { Vec::new() } else { plain.plan_facets(last + 1, options.levels)? };
             let seeds = Choice { kept: facets, ..Choice::default() };
-            let mut levels = builder.levels(1, last, seeds)?.0;
+            let mut levels = builder.levels(last, seeds)?;
             let finer = levels.last().filter(|_| options.nested);
             if let Some(finer) = finer {
                 plain.draw_from(&finer.mesh.nodes);
@@ -364,19 +348,6 @@ impl<'a> Base<'a> {
             spacing,
             thin: None,
             known: None,
-            first: None,
-        }
-    }
-}
-
-impl Spacing<'_> {
-    /// f for a factor at all candidates.
-    fn at_all(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
-        match self {
-            Spacing::Function(spacing) => spacing.at_points(factor, progress),
-            Spacing::Threshold { g, held } => {
-                Ok(threshold(g, factor).iter().zip(held).map(|(own, &held)| own.min(held)).collect())
-            }
         }
     }
 }
@@ -427,78 +398,6 @@ impl Builder<'_> {
         self.options.factor.powi(i as i32)
     }
 
-    /// f_i at the candidates of a pool.
-    pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
-        let factor = self.factor(i);
-        match self.spacing {
-            Spacing::Function(spacing) => match &self.thin {
-                Some((least, thin)) if factor >= *least => thin,
-                _ => spacing,
-            }
-            .at_tree(factor, &pool.candidates.tree, self.progress),
-            Spacing::Threshold { g, held } => {
-                let own = threshold(g, factor);
-                Ok(pool.members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect())
-            }
-        }
-    }
-
-    /// Makes pools up to the one that level i draws from, and returns its number.
-    fn pool_for(&mut self, i: usize) -> Result<usize, Error> {
-        if !self.options.pool {
-            return Ok(0);
-        }
-        let is_fine = self.factor(i) < LEAST_RATIO * self.factor(1);
-        let wanted = if is_fine { 0 } else { i.saturating_sub(self.lag).max(1) };
-        while self.pools.len() <= wanted {
-            self.progress.check()?;
-            let level = self.pools.len() + self.lag;
-            let facets = self.domain.len();
-            if self.pools.len() > 1 {
-                self.thin_sites(level);
-            }
-            let last = &self.pools[self.pools.len() - 1];
-            let f = self.spacing_in(level, last)?;
-            let finer = self.factor(self.lag);
-            let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
-            let order: Vec<u32> = (facets as u32..last.members.len() as u32).collect();
-            // ascending, so that the spatial order of the finest pool stays
-            let chosen =
-                greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
-            let picked: Vec<u32> = (0..facets as u32).chain(chosen).collect();
-            let points: Vec<Point<2>> = picked.par_iter().map(|&k| last.candidates.points[k as usize]).collect();
-            let pool = Pool {
-                candidates: Candidates {
-                    tree: Cow::Owned(KdTree::new(&points)),
-                    points: Cow::Owned(points),
-                    nodes: picked.iter().map(|&k| last.candidates.nodes[k as usize]).collect(),
-                },
-                members: picked.iter().map(|&k| last.members[k as usize]).collect(),
-                f: picked.iter().map(|&k| f[k as usize]).collect(),
-                visits: order.len(),
-            };
-            if let (Spacing::Function(all), [first]) = (self.spacing, &self.pools[..])
-                && all.is_over(&first.candidates.tree)
-            {
-                self.known = Some((self.factor(level), f));
-            }
-            self.pools.push(pool);
-        }
-        Ok(wanted)
-    }
-
-    /// Leaves out the sites that win nowhere from level i on, where f is to be found at few candidates.
-    fn thin_sites(&mut self, i: usize) {
-        let Spacing::Function(all) = self.spacing else { return };
-        let (factor, known) = (self.factor(i), self.known.take());
-        let known = known.as_ref().map(|(lesser, f)| (*lesser, &f[..]));
-        let thin = match &self.thin {
-            Some((_, thin)) => thin.thinned(factor, None),
-            None => all.thinned(factor, known),
-        };
-        self.thin = Some((factor, thin));
-    }
-
     /// Number of cells that the triangulation of a choice has, by Euler's formula.
     pub(crate) fn n_cells(&self, choice: &Choice) -> usize {
         let boundary: i64 = choice
@@ -511,24 +410,8 @@ impl Builder<'_> {
         (2 * (choice.size(self.domain) as i64 - self.euler) - boundary).max(0) as usize
     }
 
-    /// Puts the pool of level i at hand: f_i at its candidates, and its number.
-    pub(crate) fn at_hand(&mut self, i: usize) -> Result<(Vec<f64>, usize), Error> {
-        let p = self.put_at_hand(i)?;
-        let pool = &self.pools[p];
-        let is_first = p == 0 && i == 1;
-        let f = match if is_first { self.first.take() } else { None } {
-            Some(f) => f,
-            None if p > 0 && i == p + self.lag => pool.f.clone(),
-            None => self.spacing_in(i, pool)?,
-        };
-        if is_first {
-            self.first = Some(f.clone());
-        }
-        self.progress.check()?;
-        Ok((f, p))
-    }
-
-    fn put_at_hand(&mut self, i: usize) -> Result<usize, Error> {
+    /// Puts the pool of level i at hand, and returns f_i at its candidates.
+    pub(crate) fn at_hand(&mut self, i: usize) -> Result<Vec<f64>, Error> {
         self.progress.enter(2, 1)?;
         let p = self.pool_for(i)?;
         let pool = &self.pools[p];
@@ -539,49 +422,49 @@ impl Builder<'_> {
             }
             self.at_hand = p;
         }
-        Ok(p)
+        let f = match self.known_at(i) {
+            Some(known) => known.f.clone(),
+            None if p > 0 && i == p + self.lag => pool.f.clone(),
+            None => self.spacing_in(i, pool)?,
+        };
+        self.progress.check()?;
+        Ok(f)
     }
 
     /// Selects the nodes of level i.
     pub(crate) fn choose(&mut self, i: usize, seeds: &Choice) -> Result<Chosen, Error> {
-        let (f, p) = self.at_hand(i)?;
-        self.choose_with(f, p, seeds)
-    }
-
-    /// Selects the nodes of the level whose f at the candidates of pool p, which is at hand, this is.
-    fn choose_with(&self, mut f: Vec<f64>, p: usize, seeds: &Choice) -> Result<Chosen, Error> {
-        let pool = &self.pools[p];
+        let mut f = self.at_hand(i)?;
+        let pool = &self.pools[self.at_hand];
         let candidate_of = |node: u32| self.candidate_of[node as usize];
+        let start = (seeds, self.known_at(i));
         let (choice, places) =
-            select(self.domain, &pool.candidates, &mut f, seeds, candidate_of, self.options.rules, self.progress)?;
+            select(self.domain, &pool.candidates, &mut f, start, candidate_of, self.options.rules, self.progress)?;
         Ok(Chosen { choice, f, places })
     }
 
-    /// Candidates looked at to make level i from a pool: the level that first draws from it bears its cost.
-    pub(crate) fn visits(&self, i: usize, p: usize) -> usize {
+    /// Candidates looked at to make level i from the pool at hand: the level that first draws from it bears its cost.
+    pub(crate) fn visits(&self, i: usize) -> usize {
+        let p = self.at_hand;
         self.pools[p].candidates.nodes.len() + if p > 0 && i == p + self.lag { self.pools[p].visits } else { 0 }
     }
 
-    /// Makes levels `first` to `last`, coarsest first, keeping the nodes of `seeds`; returns the finest first, and what
-    /// it keeps.
-    fn levels(&mut self, first: usize, last: usize, mut seeds: Choice) -> Result<(Vec<Level>, Choice), Error> {
+    /// Makes levels 1 to `last`, coarsest first, keeping the nodes of `seeds`; returns the finest first.
+    fn levels(&mut self, last: usize, mut seeds: Choice) -> Result<Vec<Level>, Error> {
         let mut levels = Vec::new();
-        for i in (first..=last).rev() {
-            let f = self.at_hand(i)?.0;
-            let (level, choice) = self.level(i, &seeds, f)?;
+        for i in (1..=last).rev() {
+            let (level, choice) = self.level(i, &seeds)?;
             seeds = choice;
             levels.push(level);
         }
         levels.reverse();
-        Ok((levels, seeds))
+        Ok(levels)
     }
 
-    /// Makes level i, whose f at the candidates of its pool this is.
-    fn level(&mut self, i: usize, seeds: &Choice, f: Vec<f64>) -> Result<(Level, Choice), Error> {
-        let p = self.put_at_hand(i)?;
+    /// Makes level i.
+    fn level(&mut self, i: usize, seeds: &Choice) -> Result<(Level, Choice), Error> {
         let none = Choice::default();
         let seeds = if self.options.nested { seeds } else { &none };
-        let Drawn { choice, f, level } = self.draw(f, p, seeds)?;
+        let Drawn { choice, f, level } = self.draw(i, seeds)?;
         let mesh = assemble(self.domain, &choice, &level)?;
         let mut copies = HashMap::new();
         for v in (0..self.domain.len() as u32).filter(|&v| choice.kept[v as usize]) {
@@ -589,16 +472,16 @@ impl Builder<'_> {
         }
         let candidate = |node: &u32| copies.get(node).copied().unwrap_or_else(|| self.candidate_of[*node as usize]);
         let spacing = mesh.nodes.par_iter().map(|node| f[candidate(node) as usize]).collect();
-        let visits = self.visits(i, p);
+        let visits = self.visits(i);
         Ok((Level { mesh, factor: self.factor(i), spacing, visits, dropped: None }, choice))
     }
 
-    /// Selects, triangulates and betters the level whose f at the candidates of pool p, which is at hand, this is.
-    fn draw(&self, f: Vec<f64>, p: usize, seeds: &Choice) -> Result<Drawn, Error> {
-        let Chosen { mut choice, mut f, places, .. } = self.choose_with(f, p, seeds)?;
+    /// Selects, triangulates and betters level i.
+    fn draw(&mut self, i: usize, seeds: &Choice) -> Result<Drawn, Error> {
+        let Chosen { mut choice, mut f, places, .. } = self.choose(i, seeds)?;
         self.progress.enter(3, 1)?;
         let mut level = triangulate(self.domain, self.input.points, &mut choice)?;
-        let pool = &self.pools[p];
+        let pool = &self.pools[self.at_hand];
         let facets = self.domain.len() as u32;
         let candidate = |site: u32| match site.checked_sub(facets) {
             Some(node) => self.candidate_of[node as usize],

@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::kdtree::{Bounds, KdTree};
 use crate::point::{NONE, Point, distance};
 use crate::progress::Progress;
-use crate::selection::{conflict_graph, greedy, greedy_in_tiles, rank};
+use crate::selection::{Known, conflict_graph, greedy, greedy_after, greedy_in_tiles, rank};
 use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -77,8 +77,8 @@ impl Choice {
     }
 }
 
-/// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms).
-/// `f` is by candidate, `candidate_of` gives the candidate of a node. Also returns the places of the
+/// Selects a level's nodes among the candidates, keeping `seeds` (the next coarser level's, in the same terms), and beginning
+/// with a known independent set of the interior candidates, where there is one. `f` is by candidate, `candidate_of` gives the candidate of a node. Also returns the places of the
 /// interior candidates.
 ///
 /// Where kept facet vertices conflict (corners, vertices put back, seeds), and `rules.hold` asks for it, f is held under
@@ -87,7 +87,7 @@ pub fn select(
     domain: &Domain,
     candidates: &Candidates<'_>,
     f: &mut [f64],
-    seeds: &Choice,
+    (seeds, known): (&Choice, Option<&Known>),
     candidate_of: impl Fn(u32) -> u32,
     rules: Rules,
     progress: &Progress,
@@ -121,19 +121,30 @@ pub fn select(
         held.extend(crowded.iter().map(|&(v, room)| (candidates.nodes[v as usize], room)));
     };
 
-    let (interior, places) =
-        select_interior(domain, candidates, f, (&seeds.interior, &seeded), &kept, &chords, rules, progress)?;
+    let seeds = Seeds { nodes: &seeds.interior, candidates: &seeded, known };
+    let (interior, places) = select_interior(domain, candidates, f, seeds, &kept, &chords, rules, progress)?;
     Ok((Choice { kept, interior, chords, held, surplus: 0 }, places))
 }
 
+/// The interior nodes that a level begins with.
+#[derive(Clone, Copy)]
+pub(crate) struct Seeds<'a> {
+    /// Those that it keeps.
+    pub nodes: &'a [u32],
+    /// The same as candidates.
+    pub candidates: &'a [u32],
+    /// An independent set among all interior candidates, maximal for an f that is nowhere smaller.
+    pub known: Option<&'a Known>,
+}
+
 /// Steps (4) and (5): the seeds' interior nodes and those selected after them and the kept facet vertices, and the places
-/// of all interior candidates. `seeded` are the seeds' as candidates.
+/// of all interior candidates.
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn select_interior(
     domain: &Domain,
     candidates: &Candidates<'_>,
     f: &[f64],
-    (seeds, seeded): (&[u32], &[u32]),
+    seeds: Seeds<'_>,
     kept: &[bool],
     chords: &[Chord],
     rules: Rules,
@@ -142,13 +153,16 @@ pub(crate) fn select_interior(
     let facets = domain.len();
     let places = near_facets(domain, candidates, f, chords, rules.delta);
     let mut is_seed = vec![false; candidates.nodes.len() - facets];
-    seeded.iter().for_each(|&k| is_seed[k as usize - facets] = true);
+    seeds.candidates.iter().for_each(|&k| is_seed[k as usize - facets] = true);
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
-    keep.extend(seeded);
+    keep.extend(seeds.candidates);
     let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
     let order: Vec<u32> = (0..is_seed.len()).into_par_iter().filter(free).map(|k| (k + facets) as u32).collect();
-    let chosen = greedy_in_tiles(&candidates.tree, f, rules.beta, &order, &keep, progress)?;
-    let mut interior = seeds.to_vec();
+    let chosen = match seeds.known {
+        Some(known) => greedy_after(&candidates.tree, f, rules.beta, &order, &keep, known, progress)?,
+        None => greedy_in_tiles(&candidates.tree, f, rules.beta, &order, &keep, progress)?,
+    };
+    let mut interior = seeds.nodes.to_vec();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));
     Ok((interior, places))
 }

@@ -7,8 +7,10 @@
 //! The greedy set needs no graph: each *selected* point asks once for the ball that holds its conflicts and blocks
 //! them. Nodes of the tree are left out by their greatest f, so the answer is right for any f, Lipschitz or not.
 
+mod known;
 mod tiles;
 
+pub use known::{Known, conflicting, greedy_after};
 pub use tiles::{greedy_in_tiles, rank};
 
 use crate::error::Error;
@@ -17,7 +19,6 @@ use crate::point::{Point, distance_2};
 use crate::progress::Progress;
 use rayon::prelude::*;
 use std::borrow::Cow;
-use std::collections::HashSet;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Where candidates are fewer than one in so many points of the tree, they get a tree of their own.
@@ -267,8 +268,9 @@ fn prepared<'a, const D: usize>(tree: &'a KdTree<D>, f: &[f64], order: &[u32], k
     if order.len() * FEW < tree.len() {
         let points: Vec<Point<D>> = order.iter().map(point).collect();
         let own = KdTree::new(&points);
-        let is_kept: HashSet<&u32> = keep.iter().collect();
-        let weight = |i: &u32| if is_kept.contains(i) { f64::NAN } else { f[*i as usize] };
+        let mut is_kept = vec![false; tree.len()];
+        keep.iter().for_each(|&i| is_kept[i as usize] = true);
+        let weight = |i: &u32| if is_kept[*i as usize] { f64::NAN } else { f[*i as usize] };
         let weights = own.order().iter().map(|&k| weight(&order[k as usize])).collect();
         Board { positions: own.positions().to_vec(), tree: Cow::Owned(own), weights, kept }
     } else {

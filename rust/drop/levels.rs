@@ -7,7 +7,7 @@ use crate::domain::Domain;
 use crate::error::Error;
 use crate::hierarchy::{Builder, Level, MAX_LEVELS, STALL, Spacing};
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, LevelMesh};
+use crate::level::{Candidates, Choice, LevelMesh, Seeds};
 use crate::point::Point;
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -121,19 +121,19 @@ impl Builder<'_> {
 
     fn plan(&mut self, i: usize, seeds: &Choice) -> Result<Plan, Error> {
         let parts = self.parts();
-        let (f, p) = self.at_hand(i)?;
+        let f = self.at_hand(i)?;
         let candidate_of = |node: u32| self.candidate_of[node as usize];
-        let candidates = &self.pools[p].candidates;
+        let candidates = &self.pools[self.at_hand].candidates;
         let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
         let kept = self.facets_at(i);
-        let seeds = (&seeds.interior[..], &seeded[..]);
+        let seeds = Seeds { nodes: &seeds.interior, candidates: &seeded, known: self.known_at(i) };
         let terms = self.terms(&parts);
         let choice = select_inside(self.domain, candidates, &f, kept, seeds, terms, self.progress)?;
         let mut at_interior: Vec<(u32, f64)> =
             choice.interior.iter().map(|&node| (node, f[candidate_of(node) as usize])).collect();
         at_interior.sort_unstable_by_key(|at| at.0);
         let at_facets = f[..self.domain.len()].to_vec();
-        Ok(Plan { choice, at_facets, at_interior, visits: self.visits(i, p) })
+        Ok(Plan { choice, at_facets, at_interior, visits: self.visits(i) })
     }
 
     /// Makes levels `first` to `depth` after level `finer`, or after the input. With an open depth a level that would hardly
@@ -272,7 +272,8 @@ impl Builder<'_> {
         let (seeds, seeded): (Vec<u32>, Vec<u32>) =
             seeds.interior.iter().filter_map(|node| inside.get(node).map(|&k| (*node, k))).unzip();
         let kept = select_facets(self.domain, candidates, &f, &kept, terms, self.progress)?;
-        let mut choice = select_inside(self.domain, candidates, &f, kept, (&seeds, &seeded), terms, self.progress)?;
+        let seeds = Seeds { nodes: &seeds, candidates: &seeded, known: None };
+        let mut choice = select_inside(self.domain, candidates, &f, kept, seeds, terms, self.progress)?;
         let Some(made) = ground.settle(&mut choice, &f, allowed)? else { return Ok(None) };
         let mut at_interior: Vec<(u32, f64)> =
             candidates.nodes[facets..].iter().copied().zip(f[facets..].iter().copied()).collect();
@@ -346,7 +347,7 @@ impl Builder<'_> {
         finest.candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(nodes) };
         finest.members = members.into_iter().map(|k| k as u32).collect();
         self.pools.truncate(1);
-        self.first = None;
+        self.known = None;
         self.at_hand = usize::MAX;
     }
 }

@@ -18,7 +18,7 @@ use super::Parts;
 use crate::domain::Domain;
 use crate::error::Error;
 use crate::kdtree::KdTree;
-use crate::level::{Candidates, Choice, Rules, select_interior};
+use crate::level::{Candidates, Choice, Rules, Seeds, select_interior};
 use crate::point::Point;
 use crate::progress::Progress;
 use crate::selection::greedy;
@@ -91,21 +91,23 @@ impl<'a> Picker<'a> {
     }
 }
 
-/// Selects a level's interior nodes beside the facet vertices that it keeps, keeping `seeds` (nodes and candidates).
+/// Selects a level's interior nodes beside the facet vertices that it keeps, keeping `seeds`.
 pub fn select_inside(
     domain: &Domain,
     candidates: &Candidates<'_>,
     f: &[f64],
     kept: Vec<bool>,
-    (seeds, seeded): (&[u32], &[u32]),
+    mut seeds: Seeds<'_>,
     terms: Terms<'_>,
     progress: &Progress,
 ) -> Result<Choice, Error> {
-    let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
+    let obstacles: Vec<Point<2>> = seeds.candidates.iter().map(|&k| candidates.points[k as usize]).collect();
     let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
     let mut rules = terms.rules;
     rules.beta *= terms.denser;
-    let (mut interior, _) = select_interior(domain, candidates, f, (seeds, seeded), &kept, &chords, rules, progress)?;
+    // a known set is maximal for the plain beta only
+    seeds.known = seeds.known.filter(|_| terms.denser == 1.0);
+    let (mut interior, _) = select_interior(domain, candidates, f, seeds, &kept, &chords, rules, progress)?;
     let lost = terms.parts.no_larger(domain, &domain.specks(&f[..domain.len()]));
     if lost.iter().any(|&lost| lost) {
         interior.retain(|&node| !lost[terms.parts.first(node) as usize]);

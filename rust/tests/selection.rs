@@ -5,7 +5,9 @@ mod clouds;
 use _core::kdtree::KdTree;
 use _core::point::{Point, distance};
 use _core::progress::Progress;
-use _core::selection::{conflict_graph, greedy, greedy_in_tiles, skeleton_independent_set};
+use _core::selection::{
+    Known, conflict_graph, conflicting, greedy, greedy_after, greedy_in_tiles, skeleton_independent_set,
+};
 use clouds::{cloud, extent, values};
 use proptest::prelude::*;
 
@@ -77,6 +79,39 @@ proptest! {
     #[test]
     fn selection_in_space_is_brute_force((points, f, beta, order, keep) in case::<3>(90)) {
         agrees(&points, &f, beta, &order, &keep)?;
+    }
+
+    #[test]
+    fn a_level_that_begins_with_a_known_set_takes_it_first(
+        (points, f, beta, order, keep) in case::<2>(90),
+        lowered in prop::collection::vec(prop_oneof![3 => Just(1.0), 1 => 0.0..1.0f64], 90),
+        part in 0..=90usize,
+    ) {
+        let (tree, progress) = (KdTree::new(&points), Progress::default());
+        let known = {
+            let mut all = order.clone();
+            all.sort_unstable();
+            Known::new(&tree, f.clone(), beta, &all, &progress)?
+        };
+        let lower: Vec<f64> = f.iter().zip(&lowered).map(|(f, share)| f * share).collect();
+        let mut asked: Vec<u32> = order.iter().take(part).copied().filter(|i| !keep.contains(i)).collect();
+        asked.sort_unstable();
+        let (members, others): (Vec<u32>, Vec<u32>) = asked.iter().copied().partition(|i| known.set.contains(i));
+        let begun = greedy(&tree, &lower, beta, &members, &keep, &progress)?;
+        let stay: Vec<u32> = keep.iter().chain(&begun).copied().collect();
+        let mut expected = greedy_in_tiles(&tree, &lower, beta, &others, &stay, &progress)?;
+        expected.extend(begun);
+        expected.sort_unstable();
+        prop_assert_eq!(greedy_after(&tree, &lower, beta, &asked, &keep, &known, &progress)?, expected);
+    }
+
+    #[test]
+    fn what_conflicts_is_what_the_graph_says((points, f, beta, order, keep) in case::<2>(90)) {
+        let (tree, progress) = (KdTree::new(&points), Progress::default());
+        let wanted = |i: u32| order.contains(&i);
+        let meets = |i: u32| keep.iter().any(|&j| conflict(&points, &f, beta, i as usize, j as usize));
+        let expected: Vec<u32> = (0..points.len() as u32).filter(|&i| wanted(i) && meets(i)).collect();
+        prop_assert_eq!(conflicting(&tree, &f, beta, &keep, wanted, &progress)?, expected);
     }
 
     #[test]

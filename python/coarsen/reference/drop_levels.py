@@ -99,7 +99,8 @@ class Dropping:
         """Select level i."""
         at = self.builder.at_hand(i)
         kept = self.facets[min(max(i, min(self.facets)), max(self.facets))].copy()
-        choice = select_inside(self.domain, at.pool.candidates, at.f, kept, seeds, at.candidate_of, self.terms)
+        candidates, terms = at.pool.candidates, self.terms
+        choice = select_inside(self.domain, candidates, at.f, kept, seeds, at.candidate_of, terms, at.first)
         at_interior = dict(zip(choice.interior.tolist(), at.f[at.candidate_of[choice.interior]].tolist(), strict=True))
         return Plan(choice, at.f[: len(self.domain)], at_interior, at.visits)
 

@@ -43,12 +43,23 @@ class Terms:
 
 
 def select_inside(
-    domain: Domain, candidates: Candidates, f: Floats, kept: Bools, seeds: Choice, candidate_of: Ints, terms: Terms
+    domain: Domain,
+    candidates: Candidates,
+    f: Floats,
+    kept: Bools,
+    seeds: Choice,
+    candidate_of: Ints,
+    terms: Terms,
+    first: Ints | None = None,
 ) -> Choice:
-    """Select a level's interior nodes beside its facet vertices, keeping the interior nodes of `seeds`."""
+    """Select a level's interior nodes beside its facet vertices, keeping the interior nodes of `seeds`.
+
+    The set `first`, with which a level begins, is maximal for the plain beta only.
+    """
     facets, rules = len(domain), replace(terms.rules, beta=terms.rules.beta * terms.denser)
     chords = valid_chords(domain, kept, f[:facets], candidates.points[candidate_of[seeds.interior]], [])
-    interior, _ = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
+    first = first if terms.denser == 1.0 else None
+    interior, _ = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules, first)
     lost = _no_larger(domain, terms.parts, specks(domain, f[:facets]))
     interior = (
         interior[[min(terms.parts.of_node[node]) not in lost for node in interior.tolist()]] if lost else interior

@@ -4,8 +4,9 @@ Level i is spaced by the C^i-coarsening of the input's spacing, coarsest level f
 of the coarser one, so that levels are node-nested (Lemma 3.6).
 
 As printed, every level looks at every node. With ``candidates="pool"``, level i draws its interior nodes from a maximal
-independent set made with the spacing f_i / C^m (C^m >= 4), which was drawn from the pool of level i - 1 in turn; the
-first pool also serves the levels before its own that are at least about twice as coarse as it.
+independent set made with the spacing f_i / C^m (C^m >= 4), which was drawn from the pool of level i - 1 in turn. The
+first pool is made with f_1 from all nodes, where f_{1+m} / C^m is about that; elsewhere nodes are added under this. It
+also serves the levels before its own that are at least about twice as coarse as it, and level 1 begins with that set.
 
 The paper takes the number of levels as given. Without one, it is the first level whose own (not nested) mesh has at
 most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
@@ -37,7 +38,7 @@ from .level import (
     triangulate,
 )
 from .point import Bools, Floats, Ints
-from .selection import greedy_in_tiles
+from .selection import conflicting, greedy_in_tiles
 from .spacing import capped, nearest, threshold
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
 
 LEAST_RATIO = 1.9
 """How much finer than a level the pool must be that it draws from, where that pool serves several levels."""
+STEEP = 0.7
+"""The set that the first pool is made of is dense enough but where f_{1+m} / C^m is less than this share of f_1."""
 MIN_ANGLE = 25.0
 """Degrees that the guard works for where nothing is said, but with features="plain"."""
 STALL = 0.95
@@ -95,6 +98,8 @@ class AtHand:
     f: Floats
     candidate_of: Ints
     visits: int
+    first: Ints | None
+    """An independent set of interior candidates that the level begins with."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +139,7 @@ class Builder:
             self.cap = np.full(len(nodes), np.inf)
             self.cap[: len(self.domain)] = gaps(self.domain)
         self.pools = [Pool(finest, np.arange(len(nodes)), np.empty(0), 0)]
+        self.known: tuple[Floats, Ints] | None = None
         self.lag = min(max(math.ceil(math.log(4) / math.log(options.factor)), 1), 64)
         boundary = facets.n_boundary
         self.euler = len(points) - (3 * len(cells) + boundary) // 2 + len(cells)
@@ -164,20 +170,48 @@ class Builder:
         is_fine = power(self.options.factor, i) < LEAST_RATIO * power(self.options.factor, 1)
         wanted = 0 if is_fine else max(i - self.lag, 1)
         while len(self.pools) <= wanted:
-            last, facets = self.pools[-1], len(self.domain)
-            f = self.spacing_in(len(self.pools) + self.lag, last)
-            finer = f / power(self.options.factor, self.lag)
-            order, none = np.arange(facets, len(f)), np.empty(0, np.int64)
-            chosen = greedy_in_tiles(last.candidates.points, finer, self.rules.beta, order, none)
-            picked = np.concatenate([np.arange(facets), chosen])
-            candidates = Candidates(last.candidates.points[picked], last.candidates.nodes[picked])
-            self.pools.append(Pool(candidates, last.members[picked], f[picked], len(order)))
+            self.pools.append(self.first_pool() if len(self.pools) == 1 else self.next_pool())
         return wanted
+
+    def first_set(self) -> tuple[Floats, Ints]:
+        """Return f_1 at all candidates, and the maximal independent set of the interior ones under it."""
+        if self.known is None:
+            f, none = self.spacing_in(1, self.pools[0]), np.empty(0, np.int64)
+            order = np.arange(len(self.domain), len(f))
+            self.known = f, greedy_in_tiles(self.pools[0].candidates.points, f, self.rules.beta, order, none)
+        return self.known
+
+    def first_pool(self) -> Pool:
+        """Return the pool of level 1 + m: the first set, and more where that set is too thin."""
+        finest, facets, level = self.pools[0], len(self.domain), 1 + self.lag
+        points, finer = finest.candidates.points, power(self.options.factor, self.lag)
+        f_1, first = self.first_set()
+        f = np.full(len(points), np.nan)
+        picked = np.concatenate([np.arange(facets), first])
+        f[picked] = self.spacing_in(level, subset(finest, picked))
+        steep = first[f[first] / finer < STEEP * f_1[first]]
+        others = np.setdiff1d(np.arange(facets, len(points)), first)
+        around = conflicting(points, f_1, self.rules.beta, steep, others)
+        if len(around):
+            f[around] = self.spacing_in(level, subset(finest, around))
+            added = greedy_in_tiles(points, f / finer, self.rules.beta, around, first)
+            picked = np.sort(np.concatenate([picked, added]))
+        return replace(subset(finest, picked), f=f[picked], visits=len(first) + len(around))
+
+    def next_pool(self) -> Pool:
+        """Return the pool after the last: a maximal independent set of it, under the spacing of its level over C^m."""
+        last, facets = self.pools[-1], len(self.domain)
+        f = self.spacing_in(len(self.pools) + self.lag, last)
+        finer = f / power(self.options.factor, self.lag)
+        order, none = np.arange(facets, len(f)), np.empty(0, np.int64)
+        chosen = greedy_in_tiles(last.candidates.points, finer, self.rules.beta, order, none)
+        picked = np.concatenate([np.arange(facets), chosen])
+        return replace(subset(last, picked), f=f[picked], visits=len(order))
 
     def freed(self) -> Builder:
         """Return the same builder with a spacing that is not held under the gaps of the domain."""
         free = copy.copy(self)
-        free.cap, free.pools = None, self.pools[:1]
+        free.cap, free.pools, free.known = None, self.pools[:1], None
         return free
 
     def draw_from(self, wanted: Ints) -> None:
@@ -187,7 +221,7 @@ class Builder:
             (np.arange(len(finest.members)) < len(self.domain)) | np.isin(finest.candidates.nodes, wanted)
         )
         candidates = Candidates(finest.candidates.points[members], finest.candidates.nodes[members])
-        self.pools = [Pool(candidates, members, np.empty(0), 0)]
+        self.pools, self.known = [Pool(candidates, members, np.empty(0), 0)], None
 
     def at_hand(self, i: int) -> AtHand:
         """Return what level i is drawn from."""
@@ -198,14 +232,16 @@ class Builder:
         for v, copies in enumerate(self.domain.copies):
             candidate_of[copies] = v
         is_first = p > 0 and i == p + self.lag
-        f = pool.f if is_first else self.spacing_in(i, pool)
         # the level that first draws from a pool bears its cost
-        return AtHand(pool, f, candidate_of, len(pool.candidates.nodes) + (pool.visits if is_first else 0))
+        visits = len(pool.candidates.nodes) + (pool.visits if is_first else 0)
+        if i == 1 and self.options.candidates == "pool":
+            return AtHand(pool, self.first_set()[0], candidate_of, visits, self.first_set()[1])
+        return AtHand(pool, pool.f if is_first else self.spacing_in(i, pool), candidate_of, visits, None)
 
     def choose(self, i: int, seeds: Choice) -> Chosen:
         """Select the nodes of level i."""
         at = self.at_hand(i)
-        choice, f, inside = select(self.domain, at.pool.candidates, at.f, seeds, at.candidate_of, self.rules)
+        choice, f, inside = select(self.domain, at.pool.candidates, at.f, seeds, at.candidate_of, self.rules, at.first)
         return Chosen(choice, f, inside, at)
 
     def draw(self, i: int, seeds: Choice) -> tuple[Chosen, Triangulated]:
@@ -331,6 +367,12 @@ def candidate_nodes(points: Floats, domain: Domain) -> Ints:
     nodes = np.concatenate([first, np.flatnonzero(~on_facet)])
     order = leaf_order(points[nodes])
     return np.concatenate([first, nodes[order[order >= len(first)]]])
+
+
+def subset(pool: Pool, picked: Ints) -> Pool:
+    """Return some of a pool's candidates as a pool, without f."""
+    candidates = Candidates(pool.candidates.points[picked], pool.candidates.nodes[picked])
+    return Pool(candidates, pool.members[picked], np.empty(0), 0)
 
 
 def as_dict(mesh: LevelMesh, factor: float, spacing: Floats, visits: int) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import numpy as np
 from .chords import Chord, holds, repair
 from .domain import Domain, Side, segment_distance_2
 from .point import NONE, Bools, Floats, Ints, distance
-from .selection import conflict_graph, greedy, greedy_in_tiles, rank
+from .selection import conflict_graph, greedy, greedy_after, rank
 from .triangulation import Edge, Triangulation
 
 MOST_ROUNDS = 4
@@ -67,10 +67,17 @@ class Choice:
 
 
 def select(
-    domain: Domain, candidates: Candidates, f: Floats, seeds: Choice, candidate_of: Ints, rules: Rules
+    domain: Domain,
+    candidates: Candidates,
+    f: Floats,
+    seeds: Choice,
+    candidate_of: Ints,
+    rules: Rules,
+    first: Ints | None,
 ) -> tuple[Choice, Floats, Bools]:
     """Select a level's nodes among the candidates, keeping `seeds`, the next coarser level's.
 
+    A level begins with the independent set `first` of the interior candidates, where there is one.
     Also returns f as it was held, and which candidates are interior and in the coarse domain, however near to its rim.
 
     Where kept facet vertices conflict (corners, vertices put back, seeds), and `rules.hold` asks for it, f is held
@@ -95,7 +102,7 @@ def select(
         for v, room in crowded.items():
             choice.hold(int(candidates.nodes[v]), room)
 
-    interior, inside = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules)
+    interior, inside = select_interior(domain, candidates, f, seeds, candidate_of, kept, chords, rules, first)
     return replace(choice, interior=interior, chords=chords), f, inside
 
 
@@ -108,6 +115,7 @@ def select_interior(
     kept: Bools,
     chords: list[Chord],
     rules: Rules,
+    first: Ints | None,
 ) -> tuple[Ints, Bools]:
     """Return the seeds' interior nodes and those selected after them and the kept facet vertices: steps (4), (5).
 
@@ -118,7 +126,8 @@ def select_interior(
     free = inside & ~near
     free[seeded] = False
     keep = np.concatenate([np.flatnonzero(kept), seeded])
-    chosen = greedy_in_tiles(candidates.points, f, rules.beta, np.flatnonzero(free), keep)
+    begun = np.empty(0, np.int64) if first is None else first
+    chosen = greedy_after(candidates.points, f, rules.beta, np.flatnonzero(free), keep, begun)
     return np.concatenate([seeds.interior, candidates.nodes[chosen]]), inside
 
 

@@ -98,6 +98,28 @@ def greedy_in_tiles(points: Floats, f: Floats, beta: float, order: Ints, keep: I
     return np.sort(greedy(points, f, beta, order[np.lexsort((order, place[order], -_step(f[order])))], keep))
 
 
+def greedy_after(points: Floats, f: Floats, beta: float, order: Ints, keep: Ints, first: Ints) -> Ints:
+    """Return a maximal independent set among `order` after all of `keep`, ascending: those of `first` before others."""
+    begun = greedy(points, f, beta, np.intersect1d(order, first), keep)
+    others = greedy_in_tiles(points, f, beta, np.setdiff1d(order, first), np.concatenate([keep, begun]))
+    return np.sort(np.concatenate([begun, others]))
+
+
+def conflicting(points: Floats, f: Floats, beta: float, of: Ints, others: Ints) -> Ints:
+    """Return those of `others` that conflict with one of `of`, ascending."""
+    if not len(others):
+        return others
+    blocks = Blocks(points[others])
+    most = blocks.greatest(f[others])
+    found = np.zeros(len(points), np.bool_)
+    for i in of.tolist():
+        near = np.sqrt(blocks.distances_2(points[i], points[i])) < (f[i] + most) / beta
+        for k in np.flatnonzero(near):
+            some = others[blocks.members[k]]
+            found[some[_conflict(points, f, beta, i, some)]] = True
+    return np.flatnonzero(found)
+
+
 def independent_set(
     points: Floats, f: Floats, beta: float, rank: Ints | None, keep: Ints | None, threads: int | None = None
 ) -> Ints:

@@ -1,0 +1,154 @@
+//! Pools: what levels draw their interior nodes from (see the module above).
+
+use super::{Builder, LEAST_RATIO, Spacing};
+use crate::error::Error;
+use crate::kdtree::KdTree;
+use crate::level::Candidates;
+use crate::selection::{Known, conflicting, greedy_in_tiles};
+use crate::spacing::threshold;
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// The set that the first pool is made of is dense enough but where f_{1+m} / C^m is less than this share of f_1.
+const STEEP: f64 = 0.7;
+
+pub(crate) struct Pool<'a> {
+    pub(crate) candidates: Candidates<'a>,
+    /// Candidate of the finest pool, by candidate of this one.
+    pub(crate) members: Vec<u32>,
+    /// f at the candidates, of the level that the pool is made for; empty in the finest.
+    pub(crate) f: Vec<f64>,
+    /// Candidates looked at to make it.
+    pub(crate) visits: usize,
+}
+
+impl Pool<'_> {
+    /// Some of the candidates (ascending, all facet vertices among them) as a pool, without f.
+    fn subset(&self, picked: &[u32], visits: usize) -> Pool<'static> {
+        let points: Vec<_> = picked.par_iter().map(|&k| self.candidates.points[k as usize]).collect();
+        let candidates = Candidates {
+            tree: Cow::Owned(KdTree::new(&points)),
+            points: Cow::Owned(points),
+            nodes: picked.iter().map(|&k| self.candidates.nodes[k as usize]).collect(),
+        };
+        let members = picked.iter().map(|&k| self.members[k as usize]).collect();
+        Pool { candidates, members, f: Vec::new(), visits }
+    }
+}
+
+impl Builder<'_> {
+    /// f_i at the candidates of a pool.
+    pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
+        let factor = self.factor(i);
+        match self.spacing {
+            Spacing::Function(spacing) => match &self.thin {
+                Some((least, thin)) if factor >= *least => thin,
+                _ => spacing,
+            }
+            .at_tree(factor, &pool.candidates.tree, self.progress),
+            Spacing::Threshold { g, held } => {
+                let own = threshold(g, factor);
+                Ok(pool.members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect())
+            }
+        }
+    }
+
+    /// Makes pools up to the one that level i draws from, and returns its number.
+    pub(super) fn pool_for(&mut self, i: usize) -> Result<usize, Error> {
+        if !self.options.pool {
+            return Ok(0);
+        }
+        self.find_first_set()?;
+        let is_fine = self.factor(i) < LEAST_RATIO * self.factor(1);
+        let wanted = if is_fine { 0 } else { i.saturating_sub(self.lag).max(1) };
+        while self.pools.len() <= wanted {
+            self.progress.check()?;
+            let pool = if self.pools.len() == 1 {
+                self.first_pool()?
+            } else {
+                self.thin_sites(self.pools.len() + self.lag);
+                self.next_pool()?
+            };
+            self.pools.push(pool);
+        }
+        Ok(wanted)
+    }
+
+    /// What is known of level 1 where it is drawn from the pool at hand.
+    pub(crate) fn known_at(&self, i: usize) -> Option<&Known> {
+        self.known.as_ref().filter(|_| i == 1 && self.at_hand == 0)
+    }
+
+    /// The maximal independent set of all interior candidates under f_1.
+    fn find_first_set(&mut self) -> Result<(), Error> {
+        if self.known.is_none() {
+            let all = &self.pools[0];
+            let f = self.spacing_in(1, all)?;
+            let order: Vec<u32> = (self.domain.len() as u32..all.members.len() as u32).collect();
+            let known = Known::new(&all.candidates.tree, f, self.options.rules.beta, &order, self.progress)?;
+            self.known = Some(known);
+        }
+        Ok(())
+    }
+
+    /// The pool of level 1 + m: the first set, and more where that set is too thin.
+    fn first_pool(&self) -> Result<Pool<'static>, Error> {
+        let (all, facets, level) = (&self.pools[0], self.domain.len(), 1 + self.lag);
+        let (beta, finer) = (self.options.rules.beta, self.factor(self.lag));
+        let Some(known) = &self.known else { return Err(Error::Internal("the first set is not there".into())) };
+        let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
+        let mut pool = all.subset(&picked, known.set.len());
+        pool.f = self.spacing_in(level, &pool)?;
+
+        let is_steep = |&(&k, f): &(&u32, &f64)| f / finer < STEEP * known.f[k as usize];
+        let steep: Vec<u32> = picked.iter().zip(&pool.f).skip(facets).filter(is_steep).map(|(&k, _)| k).collect();
+        let mut is_out = vec![true; all.members.len()];
+        picked.iter().for_each(|&k| is_out[k as usize] = false);
+        let tree = &all.candidates.tree;
+        let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;
+        if around.is_empty() {
+            return Ok(pool);
+        }
+        let at_around = self.spacing_in(level, &all.subset(&around, 0))?;
+        let mut f = vec![f64::NAN; all.members.len()];
+        let values = picked.iter().zip(&pool.f).chain(around.iter().zip(&at_around));
+        values.for_each(|(&k, &value)| f[k as usize] = value);
+        let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
+        picked.extend(greedy_in_tiles(tree, &scaled, beta, &around, &known.set, self.progress)?);
+        picked.sort_unstable();
+        let mut pool = all.subset(&picked, known.set.len() + around.len());
+        pool.f = picked.iter().map(|&k| f[k as usize]).collect();
+        Ok(pool)
+    }
+
+    /// The pool after the last: a maximal independent set of that one, under the spacing of its level over C^m.
+    fn next_pool(&self) -> Result<Pool<'static>, Error> {
+        let last = &self.pools[self.pools.len() - 1];
+        let (facets, finer) = (self.domain.len() as u32, self.factor(self.lag));
+        let f = self.spacing_in(self.pools.len() + self.lag, last)?;
+        let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
+        let order: Vec<u32> = (facets..last.members.len() as u32).collect();
+        // ascending, so that the spatial order of the finest pool stays
+        let chosen =
+            greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
+        let picked: Vec<u32> = (0..facets).chain(chosen).collect();
+        let mut pool = last.subset(&picked, order.len());
+        pool.f = picked.iter().map(|&k| f[k as usize]).collect();
+        Ok(pool)
+    }
+
+    /// Leaves out the sites that win nowhere from level i on, where f is to be found at few candidates.
+    fn thin_sites(&mut self, i: usize) {
+        let Spacing::Function(all) = self.spacing else { return };
+        let factor = self.factor(i);
+        let thin = match &self.thin {
+            Some((_, thin)) => thin.thinned(factor, None),
+            None => {
+                let is_over = all.is_over(&self.pools[0].candidates.tree);
+                let known = self.known.as_ref().filter(|_| is_over);
+                all.thinned(factor, known.map(|known| (self.factor(1), &known.f[..])))
+            }
+        };
+        self.thin = Some((factor, thin));
+    }
+}

@@ -1,0 +1,129 @@
+//! A maximal independent set that is known already, and what becomes of it beside points that stay.
+//!
+//! Level 1 is drawn from all nodes, of which a maximal independent set under its spacing was made before, for the first
+//! pool. It begins with that set: only near what the set loses, to points that stay or to the rim of the domain, are
+//! others to be asked.
+
+use super::{Rule, greedy_in_tiles, may_conflict};
+use crate::error::Error;
+use crate::kdtree::{GRAIN, KdTree};
+use crate::point::distance_2;
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// A maximal independent set among some points of a tree.
+#[derive(Debug)]
+pub struct Known {
+    /// Original indices, ascending.
+    pub set: Vec<u32>,
+    /// The spacing that it was made with, at all points.
+    pub f: Vec<f64>,
+}
+
+impl Known {
+    /// That of [`greedy_in_tiles`] among `order` (ascending).
+    pub fn new<const D: usize>(
+        tree: &KdTree<D>,
+        f: Vec<f64>,
+        beta: f64,
+        order: &[u32],
+        progress: &Progress,
+    ) -> Result<Known, Error> {
+        Ok(Known { set: greedy_in_tiles(tree, &f, beta, order, &[], progress)?, f })
+    }
+}
+
+/// What may have become of a point.
+const ASKED: u8 = 1;
+const MEMBER: u8 = 2;
+const STAYS: u8 = 4;
+const LOWERED: u8 = 8;
+
+/// A maximal independent set among `order` (ascending) after all of `keep`, which takes the members of a known set
+/// first: [`greedy_in_tiles`] of what is in `order` and in the set, then of the others. `f` is nowhere greater than that of the
+/// known set, which was made among all of `order` and maybe others.
+///
+/// Runtime: O(n), and that of [`greedy_in_tiles`] for what lies near lost members and where f is smaller.
+pub fn greedy_after<const D: usize>(
+    tree: &KdTree<D>,
+    f: &[f64],
+    beta: f64,
+    order: &[u32],
+    keep: &[u32],
+    known: &Known,
+    progress: &Progress,
+) -> Result<Vec<u32>, Error> {
+    let mut state: Vec<u8> = f.par_iter().zip(&known.f).map(|(f, known)| if f < known { LOWERED } else { 0 }).collect();
+    order.iter().for_each(|&i| state[i as usize] |= ASKED);
+    known.set.iter().for_each(|&i| state[i as usize] |= MEMBER);
+    keep.iter().for_each(|&i| state[i as usize] = state[i as usize] & !ASKED | STAYS);
+    let is = |i: u32, bits: u8| state[i as usize] & bits == bits;
+
+    // members conflict with none of each other: what is kept of them asks for nothing
+    let others: Vec<u32> = keep.iter().copied().filter(|&i| !is(i, MEMBER)).collect();
+    let blocked = conflicting(tree, f, beta, &others, |i| is(i, ASKED | MEMBER), progress)?;
+    let mut chosen: Vec<u32> = known.set.iter().copied().filter(|&i| is(i, ASKED)).collect();
+    let mut left = blocked.iter().peekable();
+    chosen.retain(|i| left.next_if_eq(&i).is_none());
+
+    let is_changed = |&i: &u32| is(i, LOWERED) || !is(i, ASKED) && !is(i, STAYS);
+    let mut changed: Vec<u32> = known.set.iter().copied().filter(is_changed).collect();
+    changed.extend(blocked);
+    let is_other = |i: u32| is(i, ASKED) && !is(i, MEMBER);
+    let mut asked = conflicting(tree, &known.f, beta, &changed, is_other, progress)?;
+    asked.extend(order.iter().filter(|&&i| is_other(i) && is(i, LOWERED)));
+    asked.sort_unstable();
+    asked.dedup();
+    if asked.is_empty() {
+        return Ok(chosen);
+    }
+    let stay: Vec<u32> = keep.iter().chain(&chosen).copied().collect();
+    chosen.extend(greedy_in_tiles(tree, f, beta, &asked, &stay, progress)?);
+    chosen.sort_unstable();
+    Ok(chosen)
+}
+
+/// The points that are wanted and conflict with one of `of`, ascending.
+pub fn conflicting<const D: usize>(
+    tree: &KdTree<D>,
+    f: &[f64],
+    beta: f64,
+    of: &[u32],
+    is_wanted: impl Fn(u32) -> bool + Sync,
+    progress: &Progress,
+) -> Result<Vec<u32>, Error> {
+    if of.is_empty() {
+        return Ok(Vec::new());
+    }
+    let rule = Rule::new(beta);
+    let positions = tree.positions();
+    let weights: Vec<f64> = tree.order().par_iter().map(|&i| f[i as usize]).collect();
+    let most = tree.node_max(&weights);
+    let found: Vec<Vec<u32>> = of
+        .par_chunks(GRAIN)
+        .map(|of| {
+            progress.check()?;
+            let mut found = Vec::new();
+            for p in of.iter().map(|&i| positions[i as usize] as usize) {
+                let x = &tree.points()[p];
+                tree.descend(
+                    |node| may_conflict(tree, rule, node, x, weights[p] + most[node]),
+                    |_, range| {
+                        for q in range {
+                            let j = tree.order()[q];
+                            if is_wanted(j) && rule.conflict(distance_2(&tree.points()[q], x), weights[p] + weights[q])
+                            {
+                                found.push(j);
+                            }
+                        }
+                    },
+                );
+            }
+            Ok(found)
+        })
+        .collect::<Result<_, Error>>()?;
+    let mut found = found.concat();
+    found.par_sort_unstable();
+    found.dedup();
+    Ok(found)
+}
