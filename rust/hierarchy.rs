@@ -315,7 +315,10 @@ impl<'a> Base<'a> {
     fn spacing(&self, cap: Option<&[f64]>) -> Result<Spacing<'a>, Error> {
         let (tree, gradation): (&KdTree<2>, f64) = (&self.all.tree, self.options.rules.gradation);
         Ok(match self.options.method {
-            Method::Function | Method::Mis => Spacing::Function(CoarseSpacing::new(tree, self.g, cap, gradation)),
+            Method::Function | Method::Mis => {
+                let spacing = CoarseSpacing::new(tree, self.g, cap, gradation);
+                Spacing::Function(if self.input.spacing.is_none() { spacing.of_nearest() } else { spacing })
+            }
             Method::Threshold => {
                 let free = vec![f64::INFINITY; self.g.len()];
                 let held = match cap {

@@ -381,22 +381,24 @@ pub fn triangulate(domain: &Domain, points: &[Point<2>], choice: &mut Choice) ->
 pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Result<LevelMesh, Error> {
     let (sites, cells) = (&level.sites, &level.cells);
     let facets = domain.len() as u32;
-    let mut nodes: Vec<u32> = choice.interior.clone();
-    nodes.extend(sites.iter().filter(|&&s| s < facets).flat_map(|&s| domain.copies(s)));
-    nodes.par_sort_unstable();
+    // each node with its site, none where that has several
+    let mut sited: Vec<(u32, u32)> = Vec::with_capacity(sites.len());
+    for (&s, site) in sites.iter().zip(0..) {
+        match s.checked_sub(facets) {
+            Some(node) => sited.push((node, site)),
+            None => match domain.copies(s) {
+                [node] => sited.push((*node, site)),
+                copies => sited.extend(copies.iter().map(|&node| (node, NONE))),
+            },
+        }
+    }
+    sited.par_sort_unstable();
+    let nodes: Vec<u32> = sited.iter().map(|&(node, _)| node).collect();
+    // index of the node of each site with one copy
+    let mut single = vec![NONE; sites.len()];
+    sited.iter().zip(0..).filter(|((_, site), _)| *site != NONE).for_each(|(&(_, site), i)| single[site as usize] = i);
     let mut shared: HashMap<u32, u32> = HashMap::new();
     let index_of = |node: u32| nodes.binary_search(&node).map_or(NONE, |i| i as u32);
-    // index of the node of each site with one copy
-    let single: Vec<u32> = sites
-        .par_iter()
-        .map(|&s| match s.checked_sub(facets) {
-            Some(node) => index_of(node),
-            None => match domain.copies(s) {
-                [node] => index_of(*node),
-                _ => NONE,
-            },
-        })
-        .collect();
     let mut out = LevelMesh { cell_tags: tags(domain, &choice.chords, cells), ..LevelMesh::default() };
     out.cells = cells.cells.par_iter().map(|cell| cell.map(|s| single[s as usize])).collect();
     for (t, (corners, cell)) in out.cells.iter_mut().zip(&cells.cells).enumerate() {

@@ -26,6 +26,9 @@ use std::slice;
 /// Queries walk down the tree together while their box is at most so many times as wide as g at the site that won last.
 const WIDTHS_TOGETHER: f64 = 32.0;
 
+/// What is known of the distance to other sites where nothing is.
+const NONE_APART: [f64; LEAF] = [0.0; LEAF];
+
 /// Minima are taken in so many lanes.
 const LANES: usize = 8;
 const _: () = assert!(LEAF.is_multiple_of(LANES));
@@ -67,6 +70,7 @@ pub struct CoarseSpacing<'a, const D: usize> {
     g: Vec<f64>,
     least_g: Vec<f64>,
     cap: Option<Cap>,
+    is_nearest: bool,
 }
 
 /// What holds the spacing down, in leaf order and its minimum by node.
@@ -93,7 +97,13 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
             let at = in_leaf_order(cap);
             Cap { least: tree.node_min(&at), at }
         });
-        CoarseSpacing { tree, gradation, g, least_g, cap }
+        CoarseSpacing { tree, gradation, g, least_g, cap, is_nearest: false }
+    }
+
+    /// The same, for a g that is [`nearest`] of these points: none but copies of it is nearer to a point than its g, so
+    /// that few others come into question at the points themselves.
+    pub fn of_nearest(self) -> Self {
+        CoarseSpacing { is_nearest: true, ..self }
     }
 
     /// f at every point of the tree, by original index.
@@ -109,8 +119,10 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
             for leaf in leaves {
                 let range = self.tree.range(leaf);
                 let (best, rest) = found.split_at_mut(range.len());
-                for (queries, best) in self.tree.points()[range].chunks(LEAF).zip(best.chunks_mut(LEAF)) {
-                    level.block(Some(leaf), queries, best, &mut winner);
+                let queries = self.tree.points()[range.clone()].chunks(LEAF).zip(self.g[range].chunks(LEAF));
+                for ((queries, apart), best) in queries.zip(best.chunks_mut(LEAF)) {
+                    let apart = if self.is_nearest { apart } else { &NONE_APART[..queries.len()] };
+                    level.block(Some(leaf), queries, apart, best, &mut winner);
                 }
                 found = rest;
             }
@@ -141,7 +153,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         in_blocks(at, progress, |points, found| {
             let mut winner = None;
             for (queries, best) in points.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
-                level.block(None, queries, best, &mut winner);
+                level.block(None, queries, &NONE_APART[..queries.len()], best, &mut winner);
             }
         })
     }
@@ -234,26 +246,34 @@ impl<const D: usize> Level<'_, '_, D> {
         least[0]
     }
 
-    /// f at a few neighbours, which are the points of `leaf` where that is given.
-    fn block(&self, leaf: Option<usize>, queries: &[Point<D>], best: &mut [f64], winner: &mut Winner) {
+    /// f at a few neighbours, which are the points of `leaf` where that is given. No site but at a query itself is nearer
+    /// to it than `apart`.
+    fn block(&self, leaf: Option<usize>, queries: &[Point<D>], apart: &[f64], best: &mut [f64], winner: &mut Winner) {
         let around = Bounds::of(queries);
         let start = |around: &Bounds<D>| leaf.unwrap_or_else(|| self.spacing.tree.leaf_near(around));
         // a walk for all looks at sites that win nowhere, within about the box's width of the winner: no loss where few
         // sites are there, but a bad one where a far cluster of much finer ones wins
         let together = winner.is_some_and(|p| around.width() <= WIDTHS_TOGETHER * self.spacing.g[p]);
         if together {
-            self.walk(start(&around), queries, &around, best, winner);
+            self.walk(start(&around), (queries, apart), &around, best, winner);
         } else {
-            for (x, best) in queries.iter().zip(best) {
-                let around = Bounds::of([x]);
-                self.walk(start(&around), slice::from_ref(x), &around, slice::from_mut(best), winner);
+            for ((x, apart), best) in queries.iter().zip(apart).zip(best) {
+                let (around, query) = (Bounds::of([x]), (slice::from_ref(x), slice::from_ref(apart)));
+                self.walk(start(&around), query, &around, slice::from_mut(best), winner);
             }
         }
     }
 
     /// One walk over the tree for a few queries in the box `around`, from a node near them.
     #[inline(always)]
-    fn walk(&self, start: usize, queries: &[Point<D>], around: &Bounds<D>, best: &mut [f64], winner: &mut Winner) {
+    fn walk(
+        &self,
+        start: usize,
+        (queries, apart): (&[Point<D>], &[f64]),
+        around: &Bounds<D>,
+        best: &mut [f64],
+        winner: &mut Winner,
+    ) {
         let (tree, slope) = (&*self.spacing.tree, self.spacing.gradation);
         for (x, best) in queries.iter().zip(best.iter_mut()) {
             *best = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
@@ -269,7 +289,12 @@ impl<const D: usize> Level<'_, '_, D> {
                 // copies of one point: a minimum of rounded sums is the rounded sum with the minimum
                 let lone = bounds.is_location();
                 let mut bound = [0.0; LEAF];
-                queries.iter().zip(&mut bound).for_each(|(x, b)| *b = least + slope * bounds.distance_2(x).sqrt());
+                for ((x, &apart), bound) in queries.iter().zip(apart).zip(&mut bound) {
+                    let near = bounds.distance_2(x).sqrt();
+                    // at no distance there may be a copy of the query
+                    let near = if near > 0.0 && near < apart { apart } else { near };
+                    *bound = least + slope * near;
+                }
                 for (k, ((x, &bound), best)) in queries.iter().zip(&bound).zip(best.iter_mut()).enumerate() {
                     if bound < *best {
                         let value = if lone { bound } else { self.least_cone(node, range.clone(), x) };

@@ -33,12 +33,17 @@ impl<const D: usize> CoarseSpacing<'_, D> {
             .map(|leaves| {
                 let mut sites = Vec::with_capacity(GRAIN);
                 for (leaf, range) in leaves.iter().map(|&leaf| (leaf, tree.range(leaf))) {
+                    // most are beaten by the lightest
+                    let lightest = range.clone().min_by(|&p, &q| level.weight(p).total_cmp(&level.weight(q)));
                     for p in range.clone() {
                         let is_beaten_before = || {
                             known.is_some_and(|(factor, f)| is_beaten(factor * self.g[p], f[tree.order()[p] as usize]))
                         };
-                        let is_beaten_here =
-                            || is_beaten(level.weight(p), level.least_cone(leaf, range.clone(), &tree.points()[p]));
+                        let (weight, x) = (level.weight(p), &tree.points()[p]);
+                        let is_beaten_here = || {
+                            lightest.is_some_and(|lightest| is_beaten(weight, level.cone(lightest, x)))
+                                || is_beaten(weight, level.least_cone(leaf, range.clone(), x))
+                        };
                         let has_cap = self.cap.as_ref().is_some_and(|cap| cap.at[p] < f64::INFINITY);
                         if has_cap || !(is_beaten_before() || is_beaten_here()) {
                             sites.push(p as u32);

@@ -155,6 +155,15 @@ proptest! {
     }
 
     #[test]
+    fn what_is_known_of_nearest_changes_nothing((points, _, cap) in spaced::<2>(400), how in parameters()) {
+        let (g, (factor, gradation)) = (brute_nearest(&points), how);
+        let (tree, progress) = (KdTree::new(&points), Progress::default());
+        let plain = CoarseSpacing::new(&tree, &g, Some(&cap), gradation);
+        let f = plain.at_points(factor, &progress)?;
+        prop_assert_eq!(plain.of_nearest().at_points(factor, &progress)?, f);
+    }
+
+    #[test]
     fn threshold_lifts_what_is_under_the_least_grown((_, g, _) in spaced::<1>(50), factor in 1.0..10.0f64) {
         let least = g.iter().copied().fold(f64::INFINITY, f64::min);
         let brute: Vec<f64> = g.iter().map(|&x| x.max(factor * least)).collect();
