@@ -93,7 +93,7 @@ proptest! {
             all.sort_unstable();
             Known::new(&tree, f.clone(), beta, &all, &progress)?
         };
-        let lower: Vec<f64> = f.iter().zip(&lowered).map(|(f, share)| f * share).collect();
+        let lower: Vec<f64> = f.iter().zip(lowered.iter().cycle()).map(|(f, share)| f * share).collect();
         let mut asked: Vec<u32> = order.iter().take(part).copied().filter(|i| !keep.contains(i)).collect();
         asked.sort_unstable();
         let (members, others): (Vec<u32>, Vec<u32>) = asked.iter().copied().partition(|i| known.set.contains(i));
