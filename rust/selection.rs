@@ -177,15 +177,17 @@ impl<'a, const D: usize> Free<'a, D> {
     fn block_conflicts(&self, kept: &[(Point<D>, f64)], progress: &Progress) -> Result<(), Error> {
         kept.par_chunks(ASKED_AT_ONCE).try_for_each(|kept| {
             progress.check()?;
-            kept.iter().for_each(|(x, f)| self.conflicts(x, *f, |leaf, bits| self.block(leaf, bits)));
+            kept.iter().for_each(|(x, f)| self.conflicts(1, x, *f, |leaf, bits| self.block(leaf, bits)));
             Ok(())
         })
     }
 
-    /// Calls `found` with the leaves that have free candidates in conflict with x, and which.
+    /// Calls `found` with the leaves that have free candidates in conflict with x, and which; looks for them from the node
+    /// `start` on.
     #[inline(always)]
-    fn conflicts(&self, x: &Point<D>, f: f64, mut found: impl FnMut(usize, Bits)) {
-        self.tree.descend(
+    fn conflicts(&self, start: usize, x: &Point<D>, f: f64, mut found: impl FnMut(usize, Bits)) {
+        self.tree.descend_from(
+            start,
             |node| may_conflict(self.tree, self.rule, node, x, f + self.most[node]),
             |node, _| {
                 for leaf in self.tree.leaves(node) {
@@ -220,7 +222,7 @@ impl<'a, const D: usize> Free<'a, D> {
         let chunk = |asked: &[(Point<D>, f64)]| {
             let (mut found, mut ends) = (Vec::with_capacity(16 * asked.len()), Vec::with_capacity(asked.len()));
             for (x, f) in asked {
-                self.conflicts(x, *f, |leaf, bits| found.push((leaf, bits)));
+                self.conflicts(1, x, *f, |leaf, bits| found.push((leaf, bits)));
                 ends.push(found.len());
             }
             (found, ends)

@@ -152,7 +152,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         let level = self.level(factor);
         in_blocks(at, progress, |points, found| {
             let mut winner = None;
-            for (queries, best) in points.chunks(LEAF).zip(found.chunks_mut(LEAF)) {
+            for (queries, best) in points.chunks(LEAF / 3).zip(found.chunks_mut(LEAF / 3)) {
                 level.block(None, queries, &NONE_APART[..queries.len()], best, &mut winner);
             }
         })

@@ -70,7 +70,8 @@ pub fn greedy_in_tiles<const D: usize>(
         for k in range {
             let p = board.positions[k] as usize;
             if let Some(f) = free.take(p) {
-                free.conflicts(&free.tree.points()[p], f, |leaf, bits| free.block(leaf, bits));
+                let (start, x) = (free.tree.leaf_of(p), &free.tree.points()[p]);
+                free.conflicts(start, x, f, |leaf, bits| free.block(leaf, bits));
                 joined.push(sorted[k]);
             }
         }
