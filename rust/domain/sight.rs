@@ -1,26 +1,25 @@
 //! What lies at a point of the plane: inside the mesh or not, and in which material.
 //!
-//! The facet edge right below a point tells what lies above it. Facet edges cross nowhere, so that it is found without a look
-//! at those farther down, however many there are:
+//! The first facet edge that is met on the way from a point to anywhere tells what lies at the point. The way leads across an
+//! edge near by, so that hardly any others come near it, however many there are:
 //!
 //! ```text
-//!         x
-//!         |         what lies above the edge lies at x
-//!     ----+----
-//!   ------------- not looked at
+//!     ------------+----   edge near by
+//!            ----/-----   first edge on the way: what lies below it lies at x
+//!               x
 //! ```
 //!
-//! Signs are exact. A point on an edge counts as right of it, and one on a vertex as right of the first edge there.
+//! Signs are exact, and edges cross nowhere: which is the first one is a matter of signs. A point on an edge counts as right
+//! of it, and one on a vertex as right of the first edge there.
 //!
 //! A hole may be gone, closed by the material around it. What lies in it (islands) and what lies around it then see nothing of
 //! each other.
 
 use super::{Domain, FacetEdge, Side};
-use crate::point::{NONE, Point, orient};
+use crate::point::{NONE, Point, distance, orient};
 use crate::segments::Segments;
-use std::cell::Cell;
 
-/// The facet edges of a domain, to be looked at from above.
+/// The facet edges of a domain, to be looked at from near by.
 pub struct Sight<'a> {
     domain: &'a Domain,
     /// Facet edges, each with its chain.
@@ -74,8 +73,7 @@ impl<'a> Sight<'a> {
         let mut order: Vec<(u32, u32)> = (0..self.domain.chains.len() as u32).map(|c| (lowest(c), c)).collect();
         order.sort_by(|a, b| lower(&a.0, &b.0));
         for (v, c) in order {
-            let (below, _) = self.below(at(v));
-            let spot = below.and_then(|e| self.spot(e, self.above(e)));
+            let spot = self.below(at(v)).and_then(|e| self.spot(e, self.above(e)));
             self.hole_around[c as usize] =
                 spot.map_or(NONE, |spot| if spot.hole == NONE { spot.around } else { spot.hole });
         }
@@ -100,10 +98,59 @@ impl<'a> Sight<'a> {
 
     /// What lies at `x`, `None` outside all.
     fn at(&self, x: &Point<2>) -> Option<Spot> {
-        match self.below(x) {
-            (_, Some(on)) => self.spot(on, &self.edges[on as usize].1.sides[1]),
-            (below, None) => below.and_then(|e| self.spot(e, self.above(e))),
+        let (first, on) = self.first(x, &self.beyond(x, self.tree.nearby(x)?));
+        if let Some(e) = on {
+            return self.spot(e, &self.edges[e as usize].1.sides[1]);
         }
+        match first {
+            Some(e) => self.spot(e, self.side(e, x)),
+            // rounding hides the edge near by
+            None => self.below(x).and_then(|e| self.spot(e, self.above(e))),
+        }
+    }
+
+    /// A point as far beyond an edge as `x` is before it, not in line with its ends.
+    fn beyond(&self, x: &Point<2>, e: u32) -> Point<2> {
+        let [a, b] = self.ends(e);
+        let (along, to) = ([b[0] - a[0], b[1] - a[1]], [x[0] - a[0], x[1] - a[1]]);
+        let length = (along[0] * along[0] + along[1] * along[1]).sqrt();
+        let t = (to[0] * along[0] + to[1] * along[1]) / length / length;
+        let nearest = t.max(0.0).min(1.0);
+        let away = distance(&to, &[nearest * along[0], nearest * along[1]]);
+        let margin = (away / length).min(0.5);
+        let t = t.max(margin).min(1.0 - margin);
+        [0, 1].map(|k| x[k] + 2.0 * (t * along[k] - to[k]))
+    }
+
+    /// The first edge on the way from `x` to another point, and the first in number that `x` lies on.
+    fn first(&self, x: &Point<2>, to: &Point<2>) -> (Option<u32>, Option<u32>) {
+        let (mut first, mut on) = (None, None::<u32>);
+        self.tree.meeting(x, to, |e| {
+            let [a, b] = self.ends(e);
+            let turn = orient(a, b, x);
+            if turn == 0.0 && is_boxed(x, [a, b]) {
+                on = Some(on.map_or(e, |on| on.min(e)));
+            }
+            // a vertex on the way counts as left of it
+            let is_crossed = turn != 0.0
+                && (turn > 0.0) != (orient(a, b, to) > 0.0)
+                && (orient(x, to, a) >= 0.0) != (orient(x, to, b) >= 0.0);
+            if is_crossed && first.is_none_or(|first| self.is_before(e, first, x)) {
+                first = Some(e);
+            }
+        });
+        (first, on)
+    }
+
+    /// Whether the first of two edges that one way from `x` crosses is crossed before the other. As they cross nowhere, one of
+    /// them lies on one side of the other.
+    fn is_before(&self, e: u32, f: u32, x: &Point<2>) -> bool {
+        let ([a, b], [c, d]) = (self.ends(e), self.ends(f));
+        let (of_c, of_d) = (orient(a, b, c), orient(a, b, d));
+        if of_c.max(of_d) <= 0.0 || of_c.min(of_d) >= 0.0 {
+            return (of_c.max(of_d) > 0.0) != (orient(a, b, x) > 0.0);
+        }
+        (orient(c, d, a).max(orient(c, d, b)) > 0.0) == (orient(c, d, x) > 0.0)
     }
 
     /// What lies on a side of an edge.
@@ -119,19 +166,13 @@ impl<'a> Sight<'a> {
         Some(Spot { tag, hole, around: self.hole_around[hole as usize] })
     }
 
-    /// The next edge below `x`, and the first one that it lies on.
-    fn below(&self, x: &Point<2>) -> (Option<u32>, Option<u32>) {
-        let on = Cell::new(None::<u32>);
+    /// The next edge below `x`.
+    fn below(&self, x: &Point<2>) -> Option<u32> {
         let is_below = |e: u32| {
             let [left, right] = self.rightward(e);
-            let turn = orient(left, right, x);
-            if turn == 0.0 && is_boxed(x, [left, right]) {
-                on.set(Some(on.get().map_or(e, |first| first.min(e))));
-            }
-            left[0] <= x[0] && x[0] < right[0] && turn > 0.0
+            left[0] <= x[0] && x[0] < right[0] && orient(left, right, x) > 0.0
         };
-        let below = self.tree.highest_below(x, self.floor.min(x[1]), is_below, |e, f| self.is_higher(e, f));
-        (below, on.get())
+        self.tree.highest_below(x, self.floor.min(x[1]), is_below, |e, f| self.is_higher(e, f))
     }
 
     /// Whether the first of two edges is the upper one where both are below a point.
@@ -142,17 +183,26 @@ impl<'a> Sight<'a> {
         if first == 0.0 { last > 0.0 } else { first > 0.0 }
     }
 
+    fn ends(&self, e: u32) -> [&Point<2>; 2] {
+        self.edges[e as usize].1.vertices.map(|v| &self.domain.points[v as usize])
+    }
+
     /// Ends of an edge from left to right.
     fn rightward(&self, e: u32) -> [&Point<2>; 2] {
-        let [a, b] = self.edges[e as usize].1.vertices.map(|v| &self.domain.points[v as usize]);
+        let [a, b] = self.ends(e);
         if a[0] < b[0] { [a, b] } else { [b, a] }
     }
 
     /// The side of an edge, not a vertical one, that lies above it.
     fn above(&self, e: u32) -> &Side {
-        let edge = &self.edges[e as usize].1;
-        let [a, b] = edge.vertices.map(|v| &self.domain.points[v as usize]);
-        &edge.sides[usize::from(a[0] > b[0])]
+        let [a, b] = self.ends(e);
+        &self.edges[e as usize].1.sides[usize::from(a[0] > b[0])]
+    }
+
+    /// The side of an edge that a point lies on.
+    fn side(&self, e: u32, x: &Point<2>) -> &Side {
+        let [a, b] = self.ends(e);
+        &self.edges[e as usize].1.sides[usize::from(orient(a, b, x) < 0.0)]
     }
 }
 

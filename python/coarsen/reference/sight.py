@@ -1,7 +1,7 @@
 """What lies at a point of the plane: inside the mesh or not, and in which material.
 
-The facet edge right below a point tells what lies above it; ``rust/domain/sight.rs`` has a sketch. A line that sweeps
-from left to right holds the edges that it meets in their order, so that one sweep answers for many points.
+The facet edge right below a point tells what lies above it. A line that sweeps from left to right holds the edges that
+it meets in their order, so that one sweep answers for many points.
 
 Signs are exact. A point on an edge counts as right of it, and one on a vertex as right of the first edge there.
 
