@@ -131,10 +131,10 @@ impl<'a> Sight<'a> {
             if turn == 0.0 && is_boxed(x, [a, b]) {
                 on = Some(on.map_or(e, |on| on.min(e)));
             }
+            let after = orient(a, b, to);
+            let is_reached = (turn > 0.0 && after <= 0.0) || (turn < 0.0 && after >= 0.0);
             // a vertex on the way counts as left of it
-            let is_crossed = turn != 0.0
-                && (turn > 0.0) != (orient(a, b, to) > 0.0)
-                && (orient(x, to, a) >= 0.0) != (orient(x, to, b) >= 0.0);
+            let is_crossed = is_reached && (orient(x, to, a) >= 0.0) != (orient(x, to, b) >= 0.0);
             if is_crossed && first.is_none_or(|first| self.is_before(e, first, x)) {
                 first = Some(e);
             }

@@ -90,6 +90,17 @@ proptest! {
     }
 
     #[test]
+    fn a_segment_near_by_is_at_most_twice_as_far_as_the_nearest(all in segments(), x in [-2.0..2.0f64, -2.0..2.0]) {
+        let tree = tree(&all);
+        let away = |s: usize| _core::domain::segment_distance_2(&x, &all[s][0], &all[s][1]).sqrt();
+        let least = (0..all.len()).map(away).fold(f64::INFINITY, f64::min);
+        match tree.nearby(&x) {
+            Some(s) => prop_assert!(away(s as usize) <= 2.000001 * least + 1e-9),
+            None => prop_assert!(all.is_empty()),
+        }
+    }
+
+    #[test]
     fn a_later_position_finds_the_rest_only(all in segments()) {
         let tree = tree(&all);
         for position in 0..all.len() {
