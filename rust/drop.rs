@@ -31,7 +31,7 @@ use crate::domain::{Chord, Domain, Sight};
 use crate::error::Error;
 use crate::hierarchy::Input;
 use crate::level::{Choice, LevelMesh};
-use crate::point::{NONE, Point};
+use crate::point::Point;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -68,9 +68,6 @@ pub struct Ground<'a> {
     input: &'a Input<'a>,
     sight: Sight<'a>,
     parts: Arc<Parts>,
-    /// Tag of every cell, empty where all have `tag`.
-    tags: Vec<i64>,
-    tag: i64,
     /// Facet vertex of a node.
     vertex_of: HashMap<u32, u32>,
     /// Facet edges at each facet vertex.
@@ -83,7 +80,7 @@ pub struct Ground<'a> {
 }
 
 impl<'a> Ground<'a> {
-    /// Runtime: O(m), O(m log m) where there are several tags.
+    /// Runtime: O(m + s log s) for m cells and s facet edges.
     pub fn new(domain: &'a Domain, input: &'a Input<'a>, parts: Arc<Parts>, cos_feature: f64) -> Ground<'a> {
         let (mut degree, mut outer) = (vec![0; domain.len()], vec![0; domain.len()]);
         for edge in domain.chains.iter().flat_map(|chain| &chain.edges) {
@@ -94,15 +91,12 @@ impl<'a> Ground<'a> {
         }
         let boundary: Vec<[u32; 2]> =
             input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).map(|facet| facet.nodes).collect();
-        let (tag, tags) = cell_tags(input);
         Ground {
             sight: Sight::new(domain),
             vertex_of: (0..domain.len() as u32)
                 .flat_map(|v| domain.copies(v).iter().map(move |&node| (node, v)))
                 .collect(),
             parts,
-            tags,
-            tag,
             degree,
             // a needle's may be rounded below zero
             area: input.cells.iter().map(|cell| area(&cell.map(|i| input.points[i as usize])).max(0.0)).sum(),
@@ -114,11 +108,9 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// A point inside the mesh near a node, and the tag there.
-    fn eye(&self, node: u32) -> (Point<2>, i64) {
-        let t = self.parts.home[node as usize] as usize;
-        let corners = self.input.cells.get(t).map(|i| self.input.points[i as usize]);
-        (centroid(&corners), self.tags.get(t).copied().unwrap_or(self.tag))
+    /// A point inside the mesh near a node.
+    fn eye(&self, node: u32) -> Point<2> {
+        centroid(&self.input.cells.get(self.parts.home[node as usize] as usize).map(|i| self.input.points[i as usize]))
     }
 
     /// Makes the mesh of a choice from nodes that `allowed` admits, and takes out of the choice what is not in it.
@@ -227,57 +219,6 @@ fn centroid([a, b, c]: &[Point<2>; 3]) -> Point<2> {
 
 fn area([a, b, c]: &[Point<2>; 3]) -> f64 {
     ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0
-}
-
-/// The one tag of all cells, or a tag for each: from the facets, flooded up to the next facet.
-fn cell_tags(input: &Input<'_>) -> (i64, Vec<i64>) {
-    let known = input.facets.iter().flat_map(|facet| [Some(facet.cell_tags.0), facet.cell_tags.1]).flatten();
-    let first = input.facets.first().map_or(0, |facet| facet.cell_tags.0);
-    if known.clone().all(|tag| tag == first) {
-        return (first, Vec::new());
-    }
-    let mut beside: HashMap<[u32; 2], i64> = HashMap::new();
-    for facet in input.facets {
-        let [a, b] = facet.nodes;
-        beside.insert([a, b], facet.cell_tags.0);
-        if let Some(tag) = facet.cell_tags.1 {
-            beside.insert([b, a], tag);
-        }
-    }
-    let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * input.cells.len());
-    let mut tags = vec![None; input.cells.len()];
-    let mut stack = Vec::new();
-    for (t, cell) in input.cells.iter().enumerate() {
-        for k in 0..3 {
-            let [a, b] = [cell[k], cell[(k + 1) % 3]];
-            match beside.get(&[a, b]) {
-                Some(&tag) if tags[t].is_none() => {
-                    tags[t] = Some(tag);
-                    stack.push(t as u32);
-                }
-                Some(_) => {}
-                None => edges.push(([a.min(b), a.max(b)], t as u32)),
-            }
-        }
-    }
-    edges.sort_unstable();
-    let mut around: Vec<[u32; 3]> = vec![[NONE; 3]; input.cells.len()];
-    for pair in edges.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() == 2) {
-        for (t, other) in [(pair[0].1, pair[1].1), (pair[1].1, pair[0].1)] {
-            if let Some(free) = around[t as usize].iter_mut().find(|n| **n == NONE) {
-                *free = other;
-            }
-        }
-    }
-    while let Some(t) = stack.pop() {
-        for &n in around[t as usize].iter().filter(|&&n| n != NONE) {
-            if tags[n as usize].is_none() {
-                tags[n as usize] = tags[t as usize];
-                stack.push(n);
-            }
-        }
-    }
-    (first, tags.into_iter().map(|tag| tag.unwrap_or(first)).collect())
 }
 
 /// Which side of a chord has cells in the input.

@@ -107,6 +107,14 @@ impl Oriented {
     }
 }
 
+/// Squared distance from a point to a segment.
+fn distance_2_to([a, b]: &[Point<2>; 2], p: &Point<2>) -> f64 {
+    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let t = (dot(to, along) / dot(along, along)).max(0.0).min(1.0);
+    let off = [0, 1].map(|k| to[k] - t * along[k]);
+    dot(off, off)
+}
+
 /// The unit vector of a direction, given by a vector of double its angle.
 fn principal([level, slant]: [f64; 2]) -> Point<2> {
     let length = (level * level + slant * slant).sqrt();
@@ -260,10 +268,7 @@ impl Segments {
                 continue;
             }
             if node >> self.depth == 0 {
-                // the nearer child first
-                let children = [2 * node, 2 * node + 1];
-                let [one, two] = children.map(|child| self.nodes[child].distance_2(&p));
-                stack.extend(if one < two { [children[1], children[0]] } else { children });
+                stack.extend(self.children(node, &p));
                 continue;
             }
             for position in self.range(node) {
@@ -277,6 +282,37 @@ impl Segments {
             }
         }
         best
+    }
+
+    /// A segment that is at most twice as far from `x` as the nearest one.
+    pub fn nearby(&self, x: &Point<2>) -> Option<u32> {
+        let p = self.scaled(x);
+        let (mut found, mut least) = (None, f64::INFINITY);
+        let mut stack = vec![1usize];
+        while let Some(node) = stack.pop() {
+            // squared distances
+            if 4.0 * self.nodes[node].distance_2(&p) >= least {
+                continue;
+            }
+            if node >> self.depth == 0 {
+                stack.extend(self.children(node, &p));
+                continue;
+            }
+            for position in self.range(node) {
+                let away = distance_2_to(&self.ends[position], &p);
+                if away < least {
+                    (found, least) = (Some(self.order[position]), away);
+                }
+            }
+        }
+        found
+    }
+
+    /// The children of a node, the nearer one to a point last.
+    fn children(&self, node: usize, p: &Point<2>) -> [usize; 2] {
+        let children = [2 * node, 2 * node + 1];
+        let [one, two] = children.map(|child| self.nodes[child].distance_2(p));
+        if one < two { [children[1], children[0]] } else { children }
     }
 
     /// Calls `visit` with every segment that comes as near to `x` as `reach`, and some more.

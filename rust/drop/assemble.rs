@@ -78,7 +78,7 @@ impl Ground<'_> {
         let index_of = |node: u32| nodes.binary_search(&node).map_or(NONE, |i| i as u32);
         let mut mesh = LevelMesh {
             cells: corners.iter().map(|cell| cell.map(index_of)).collect(),
-            cell_tags: alive.iter().map(|&t| trimmed.label[t].unwrap_or(self.tag)).collect(),
+            cell_tags: alive.iter().filter_map(|&t| trimmed.label[t]).collect(),
             ..LevelMesh::default()
         };
         // edges by their nodes: (ends, cell, corner where it starts)

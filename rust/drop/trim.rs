@@ -196,12 +196,11 @@ impl Ground<'_> {
         // an interior node's cells see farther than those of a facet vertex
         let site = cell.iter().map(|&s| trimmed.sites[s as usize]).max().unwrap_or(0);
         let node = site.checked_sub(facets).unwrap_or_else(|| self.domain.copies(site)[0]);
-        let (eye, tag) = self.eye(node);
+        let eye = self.eye(node);
         let middle = centroid(&corners);
         let towards = |p: &Point<2>| [(middle[0] + p[0]) / 2.0, (middle[1] + p[1]) / 2.0];
         let samples = [middle, towards(&corners[0]), towards(&corners[1]), towards(&corners[2])];
-        let tags: Vec<i64> =
-            samples.iter().filter_map(|x| self.sight.look(&eye, tag, x, |c| is_gone[c as usize])).collect();
+        let tags: Vec<i64> = samples.iter().filter_map(|x| self.sight.look(&eye, x, |c| is_gone[c as usize])).collect();
         let count = |tag: i64| tags.iter().filter(|&&other| other == tag).count();
         let most = tags.iter().map(|&tag| count(tag)).max()?;
         tags.iter().copied().find(|&tag| tags.len() >= 3 && count(tag) == most)

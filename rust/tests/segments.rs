@@ -90,6 +90,17 @@ proptest! {
     }
 
     #[test]
+    fn a_segment_near_by_is_at_most_twice_as_far_as_the_nearest(all in segments(), x in [-2.0..2.0f64, -2.0..2.0]) {
+        let tree = tree(&all);
+        let away = |s: usize| _core::domain::segment_distance_2(&x, &all[s][0], &all[s][1]).sqrt();
+        let least = (0..all.len()).map(away).fold(f64::INFINITY, f64::min);
+        match tree.nearby(&x) {
+            Some(s) => prop_assert!(away(s as usize) <= 2.000001 * least + 1e-9),
+            None => prop_assert!(all.is_empty()),
+        }
+    }
+
+    #[test]
     fn a_later_position_finds_the_rest_only(all in segments()) {
         let tree = tree(&all);
         for position in 0..all.len() {
@@ -141,4 +152,41 @@ fn what_is_found_does_not_grow_with_the_number_of_segments() {
         ]
     });
     assert!(few.iter().flatten().all(|&per_segment| per_segment < 16.0), "{few:?}");
+}
+
+/// Edges looked at for what lies below a point of a comb of `n` teeth, turned by an angle: on average, for points on all teeth.
+fn looked_at_per_point(n: usize, angle: f64) -> f64 {
+    let (sine, cosine) = angle.sin_cos();
+    let turned = |[x, y]: Point<2>| [x * cosine - y * sine, x * sine + y * cosine];
+    let tooth = |k: usize| [[k as f64, 0.0], [k as f64 + 0.5, 20.0], [k as f64 + 1.0, 0.0]].map(turned);
+    let all: Vec<[Point<2>; 2]> =
+        (0..n).flat_map(|k| [[tooth(k)[0], tooth(k)[1]], [tooth(k)[1], tooth(k)[2]]]).collect();
+    let tree = tree(&all);
+    let rightward = |s: u32| {
+        let [a, b] = all[s as usize];
+        if a[0] < b[0] { [a, b] } else { [b, a] }
+    };
+    let height = |s: u32, x: f64| {
+        let [a, b] = rightward(s);
+        a[1] + (x - a[0]) * (b[1] - a[1]) / (b[0] - a[0])
+    };
+    let floor = all.iter().flatten().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    let count = std::cell::Cell::new(0);
+    for k in 0..n {
+        let x = turned([k as f64 + 0.6, 10.0]);
+        let is_below = |s: u32| {
+            count.set(count.get() + 1);
+            let [a, b] = rightward(s);
+            a[0] <= x[0] && x[0] < b[0] && height(s, x[0]) < x[1]
+        };
+        tree.highest_below(&x, floor, is_below, |s, t| height(s, x[0]) > height(t, x[0]));
+    }
+    f64::from(count.get()) / n as f64
+}
+
+#[test]
+fn what_is_looked_at_for_the_highest_below_does_not_grow_with_the_number_of_segments() {
+    let angles = [0.0, 0.3, 0.25 * TAU, 0.4 * TAU, 0.5 * TAU];
+    let few = angles.map(|angle| [250, 4000].map(|n| looked_at_per_point(n, angle)));
+    assert!(few.iter().flatten().all(|&per_point| per_point < 32.0), "{few:?}");
 }

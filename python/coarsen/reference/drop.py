@@ -63,7 +63,7 @@ class Ground:
         self.area = sum(max(area(*rows), 0.0) for rows in corners)
         boundary = facets.facets[: facets.n_boundary].tolist()
         self.origin = Origin(domain, parts, self.area, loops(boundary))
-        self.views = Views(domain, points, cells, facets)
+        self.views = Views(domain, points, cells)
         self.vertex_of = {node: v for v, copies in enumerate(domain.copies) for node in copies}
         self.outer = [0] * len(domain)
         """Facet edges at each facet vertex that have cells on one side only."""

@@ -10,13 +10,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .domain import Domain, FacetArrays
+from .domain import Domain
 from .drop_parts import Parts, tell_parts
 from .drop_trim import Trimmed, centroid, edges_of, regions
 from .level import Choice
 from .loose import is_hole, specks
 from .patch import Cell
-from .point import NONE, Floats, Ints
+from .point import NONE, Floats, Ints, Point
 from .sight import Sight
 from .triangulation import Edge, Triangulation, is_one_line
 
@@ -24,14 +24,13 @@ from .triangulation import Edge, Triangulation, is_one_line
 class Views:
     """The input mesh as it is seen from inside: what lies at a point of the plane."""
 
-    def __init__(self, domain: Domain, points: Floats, cells: Ints, facets: FacetArrays) -> None:
+    def __init__(self, domain: Domain, points: Floats, cells: Ints) -> None:
         self.domain, self.points, self.cells = domain, points, cells
         self.sight = Sight(domain)
         self.home = np.full(len(points), NONE)
         """For each node a cell that has it, the last."""
         for t, cell in enumerate(cells):
             self.home[cell] = t
-        self.tags = _cell_tags(cells, facets)
         self.degree = [0] * len(domain)
         """Facet edges at each facet vertex."""
         for chain in domain.chains:
@@ -39,40 +38,27 @@ class Views:
                 for v in edge.vertices:
                     self.degree[v] += 1
 
-    def sample(self, trimmed: Trimmed, cell: Cell, is_gone: list[bool]) -> int | None:
-        """Return the tag of most sample points of a cell, None where not most of them lie inside."""
-        a, b, c = trimmed.corners(cell)
-        # an interior node's cells see farther than those of a facet vertex
-        site, facets = trimmed.sites[max(cell)], len(self.domain)
+    def sample(self, trimmed: Trimmed, cells: list[Cell], is_gone: list[bool]) -> list[int | None]:
+        """Return the tag of most sample points of each of some cells, None where not most of them lie inside."""
+        eyes, samples = [], []
+        for cell in cells:
+            corners = trimmed.corners(cell)
+            x, y = centroid(*corners)
+            samples += [(x, y), *(((x + px) / 2.0, (y + py) / 2.0) for px, py in corners)]
+            eyes += [self._eye(max(trimmed.sites[s] for s in cell))] * 4
+        seen = self.sight.look(eyes, samples, is_gone)
+        result = []
+        for k in range(0, len(seen), 4):
+            tags = [tag for tag in seen[k : k + 4] if tag is not None]
+            result.append(max(tags, key=tags.count) if len(tags) >= 3 else None)
+        return result
+
+    def _eye(self, site: int) -> Point:
+        """Return a point inside the mesh near a site."""
+        facets = len(self.domain)
         node = site - facets if site >= facets else self.domain.copies[site][0]
-        t = self.home[node]
-        p, q, r = ((x, y) for x, y in self.points[self.cells[t]].tolist())
-        eye, tag = centroid(p, q, r), self.tags[t]
-        x, y = centroid(a, b, c)
-        samples = [(x, y)] + [((x + px) / 2.0, (y + py) / 2.0) for px, py in (a, b, c)]
-        seen = [self.sight.look(eye, tag, at, is_gone) for at in samples]
-        tags = [tag for tag in seen if tag is not None]
-        return max(tags, key=tags.count) if len(tags) >= 3 else None
-
-
-def _cell_tags(cells: Ints, facets: FacetArrays) -> list[int]:
-    """Return the tag of every cell: from the facets, flooded up to the next facet."""
-    beside: dict[Edge, int] = {}
-    for row, ((a, b), (left, right)) in enumerate(zip(facets.facets.tolist(), facets.cell_tags.tolist(), strict=True)):
-        beside[a, b] = left
-        if row >= facets.n_boundary:
-            beside[b, a] = right
-    rows = [(a, b, c) for a, b, c in cells.tolist()]
-    cell_of = {edge: t for t, cell in enumerate(rows) for edge in edges_of(cell)}
-    tags: dict[int, int] = {}
-    waiting = [(cell_of[edge], tag) for edge, tag in beside.items()]
-    while waiting:
-        t, tag = waiting.pop()
-        if t in tags:
-            continue
-        tags[t] = tag
-        waiting += [(cell_of[b, a], tag) for a, b in edges_of(rows[t]) if (a, b) not in beside and (b, a) in cell_of]
-    return [tags[t] for t in range(len(rows))]
+        a, b, c = ((x, y) for x, y in self.points[self.cells[self.home[node]]].tolist())
+        return centroid(a, b, c)
 
 
 def triangulate(
@@ -165,7 +151,9 @@ def _label(views: Views, trimmed: Trimmed, choice: Choice, f: Floats, failed: se
         else:
             unsure.update(silent)
     is_gone = [speck and is_hole(domain, c) for c, speck in enumerate(specks(domain, f))]
+    asked = [cell for cell in cells if cell in unsure]
+    said.update(zip(asked, views.sample(trimmed, asked, is_gone), strict=True))
     for cell in cells:
-        label = views.sample(trimmed, cell, is_gone) if cell in unsure else said[cell]
+        label = said[cell]
         if label is not None:
             trimmed.label[cell] = label
