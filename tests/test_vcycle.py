@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -173,6 +177,34 @@ def test_what_cannot_be_solved_is_refused():
         solver.solve(np.zeros(n), accel="gmres")
     with pytest.raises(ValueError, match="unknowns, expected at most 3000"):
         multigrid.solver(A, h, dirichlet="boundary", max_coarse=10_000)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_solver_is_made_in_a_forked_process():
+    """Threads of the parent's pools are not there in the child."""
+    script = """if True:
+        import multiprocessing
+        import sys
+
+        import coarsen
+        from coarsen import multigrid
+
+        mesh = coarsen.gallery.square(30_000)
+        h, A = coarsen.hierarchy(mesh), multigrid.laplacian(mesh)
+
+        def make():
+            multigrid.solver(A, h, dirichlet="boundary")
+
+        make()
+        child = multiprocessing.get_context("fork").Process(target=make)
+        child.start()
+        child.join(30)
+        hangs = child.is_alive()
+        if hangs:
+            child.kill()
+        sys.exit(hangs)
+    """
+    assert subprocess.run([sys.executable, "-c", script], timeout=120).returncode == 0
 
 
 def test_matrices_of_levels_that_do_not_fit_are_refused():

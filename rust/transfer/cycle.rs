@@ -10,7 +10,7 @@
 use super::cholesky::Cholesky;
 use super::clusters::clusters;
 use super::order::Order;
-use super::rows::RowsRef;
+use super::rows::{RowsRef, parts};
 use crate::error::Error;
 use crate::progress::Progress;
 use rayon::prelude::*;
@@ -20,44 +20,62 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 /// Entries of a vector that one thread takes at a time; scalar products are sums over these parts, in order.
 const PART: usize = 8192;
 
-/// A matrix by rows in single precision.
+/// A matrix by rows in single precision: columns and values.
 struct Single {
-    indptr: Vec<u32>,
-    indices: Vec<u32>,
-    values: Vec<f32>,
+    starts: Vec<u32>,
+    entries: Vec<(u32, f32)>,
 }
 
 impl Single {
-    fn new(rows: RowsRef<'_>, order: &Order, columns: &Order) -> Self {
-        let row = |i: usize| rows.row(order.old_of(i));
-        let all = || (0..rows.len()).into_par_iter().with_min_len(PART);
-        let mut indptr = Vec::with_capacity(rows.len() + 1);
-        indptr.push(0);
-        let mut end = 0;
-        indptr.extend((0..rows.len()).map(|i| {
-            end += row(i).0.len() as u32;
-            end
-        }));
-        let indices = all().flat_map_iter(|i| row(i).0.iter().map(|&j| columns.new_of(j as usize) as u32)).collect();
-        let values = all().flat_map_iter(|i| row(i).1.iter().map(|&value| value as f32)).collect();
-        Self { indptr, indices, values }
+    /// One matrix of each kind of entries, by what `kind(new row, new column)` says.
+    fn sorted<const N: usize>(
+        rows: RowsRef<'_>,
+        order: &Order,
+        columns: &Order,
+        kind: impl Fn(usize, usize) -> Option<usize> + Sync,
+    ) -> [Self; N] {
+        let starts: Vec<usize> = (0..rows.len()).step_by(PART).collect();
+        let made = starts.into_par_iter().map(|start| {
+            let mut made = std::array::from_fn(|_| Self { starts: Vec::new(), entries: Vec::new() });
+            for i in start..(start + PART).min(rows.len()) {
+                let (indices, values) = rows.row(order.old_of(i));
+                for (&j, &value) in indices.iter().zip(values) {
+                    let j = columns.new_of(j as usize);
+                    if let Some(k) = kind(i, j) {
+                        made[k].entries.push((j as u32, value as f32));
+                    }
+                }
+                made.iter_mut().for_each(|made| made.starts.push(made.entries.len() as u32));
+            }
+            made
+        });
+        let made: Vec<[Self; N]> = made.collect();
+        std::array::from_fn(|k| Self::stacked(&made.iter().map(|made| &made[k]).collect::<Vec<_>>()))
     }
 
-    #[inline(always)]
-    fn row(&self, i: usize) -> (&[u32], &[f32]) {
-        let range = self.indptr[i] as usize..self.indptr[i + 1] as usize;
-        (&self.indices[range.clone()], &self.values[range])
+    /// One matrix of blocks of rows; these have ends of rows instead of starts.
+    fn stacked(blocks: &[&Self]) -> Self {
+        let mut starts = vec![0];
+        for block in blocks {
+            let start = starts[starts.len() - 1];
+            starts.extend(block.starts.iter().map(|end| start + end));
+        }
+        let mut entries = vec![(0, 0.0); starts[starts.len() - 1] as usize];
+        let sizes: Vec<usize> = blocks.iter().map(|block| block.entries.len()).collect();
+        let places = parts(&mut entries, &sizes).into_par_iter().zip(blocks);
+        places.for_each(|(place, block)| place.copy_from_slice(&block.entries));
+        Self { starts, entries }
     }
 
     #[inline(always)]
     fn row_times(&self, i: usize, x: &Vector) -> f32 {
-        let (columns, values) = self.row(i);
-        columns.iter().zip(values).map(|(&j, a)| a * x.get(j as usize)).sum()
+        let row = &self.entries[self.starts[i] as usize..self.starts[i + 1] as usize];
+        row.iter().map(|&(j, value)| value * x.get(j as usize)).sum()
     }
 
     /// `y_i = change(i, (self x)_i)`.
     fn apply(&self, x: &Vector, y: &Vector, change: impl Fn(usize, f32) -> f32 + Sync) {
-        let rows = (0..self.indptr.len() - 1).into_par_iter().with_min_len(PART);
+        let rows = (0..self.starts.len() - 1).into_par_iter().with_min_len(PART);
         rows.for_each(|i| y.set(i, change(i, self.row_times(i, x))));
     }
 }
@@ -88,8 +106,11 @@ impl Vector {
 /// One level but the coarsest.
 struct Level {
     order: Order,
-    a: Single,
+    diagonal: Vec<f32>,
     inverse: Vec<f32>,
+    /// Left and right of the diagonal: the way back of a sweep needs the right only.
+    lower: Single,
+    upper: Single,
     /// Unknowns that are swept once more, ascending in their new numbers.
     slow: Vec<u32>,
     /// Unknowns that are relaxed together.
@@ -142,7 +163,6 @@ impl Cycle {
             let order = orders.next().unwrap_or_default();
             let plain = Order::default();
             let below = orders.peek().unwrap_or(&plain);
-            let inverse = (0..a.len()).map(|i| (1.0 / diagonal[order.old_of(i)]) as f32).collect();
             if slow.iter().any(|&i| usize::try_from(i).map_or(true, |i| i >= a.len())) {
                 return Err(Error::Argument("'slow' names an unknown that is not there".into()));
             }
@@ -150,8 +170,14 @@ impl Cycle {
             slow.sort_unstable();
             let mut clusters = clusters(*a, &diagonal);
             clusters.iter_mut().flat_map(|cluster| &mut cluster.0).for_each(|i| *i = order.new_of(*i as usize) as u32);
-            let (p, r) = (Single::new(*p, &order, below), Single::new(*r, below, &order));
-            levels.push(Level { a: Single::new(*a, &order, &order), order, inverse, slow, clusters, p, r });
+            let ([p], [r]) =
+                (Single::sorted(*p, &order, below, |_, _| Some(0)), Single::sorted(*r, below, &order, |_, _| Some(0)));
+            let side = |i, j| if i == j { None } else { Some(usize::from(j > i)) };
+            let [lower, upper] = Single::sorted(*a, &order, &order, side);
+            let diagonal = || (0..a.len()).map(|i| diagonal[order.old_of(i)]);
+            let (inverse, diagonal) =
+                (diagonal().map(|own| (1.0 / own) as f32).collect(), diagonal().map(|own| own as f32).collect());
+            levels.push(Level { order, diagonal, inverse, lower, upper, slow, clusters, p, r });
         }
         if coarsest.len() != size || coarsest.columns != size {
             return Err(Error::Argument("the coarsest matrix does not fit".into()));
@@ -166,79 +192,108 @@ impl Cycle {
 
     fn spaces(&self) -> Vec<Space> {
         let space = |n: usize| Space { b: Vector::zeros(n), x: Vector::zeros(n), residual: Vector::zeros(n) };
-        let sizes = self.levels.iter().map(|level| level.inverse.len());
+        let sizes = self.levels.iter().map(|level| level.diagonal.len());
         sizes.chain([self.coarsest.size]).map(space).collect()
     }
 
-    /// `z` = one cycle on `r` from 0.
-    fn precondition(&self, r: &[f64], z: &mut [f64], spaces: &[Space]) {
-        // so that small residuals do not leave the range of single precision
-        let scale = dot(r, r).sqrt();
-        if scale == 0.0 {
+    /// `z` = one cycle on `r`, whose norm is given, from 0; returns the scalar products of `z` with two others.
+    fn precondition(&self, r: &[f64], norm: f64, z: &mut [f64], others: [&[f64]; 2], spaces: &[Space]) -> [f64; 2] {
+        if norm == 0.0 {
             z.fill(0.0);
-            return;
+            return [0.0; 2];
         }
         let plain = Order::default();
         let order = self.levels.first().map_or(&plain, |level| &level.order);
-        spaces[0].b.fill(|i| (r[order.old_of(i)] / scale) as f32);
-        spaces[0].x.fill(|_| 0.0);
-        self.descend(0, spaces);
+        // so that small residuals do not leave the range of single precision
+        spaces[0].b.fill(|i| (r[order.old_of(i)] / norm) as f32);
+        self.descend(0, true, spaces);
         let x = &spaces[0].x;
-        let z = z.par_iter_mut().with_min_len(PART).enumerate();
-        z.for_each(|(i, z)| *z = f64::from(x.get(order.new_of(i))) * scale);
+        let parts = z.par_chunks_mut(PART).zip(others[0].par_chunks(PART)).zip(others[1].par_chunks(PART)).enumerate();
+        sums(parts.map(|(part, ((z, one), two))| {
+            let mut sums = [0.0; 2];
+            for (k, z) in z.iter_mut().enumerate() {
+                *z = f64::from(x.get(order.new_of(part * PART + k))) * norm;
+                sums[0] += *z * one[k];
+                sums[1] += *z * two[k];
+            }
+            sums
+        }))
     }
 
-    /// One cycle on `x`, from the values it has.
-    fn descend(&self, depth: usize, spaces: &[Space]) {
+    /// One cycle on `x`, from 0 or from the values it has.
+    fn descend(&self, depth: usize, from_zero: bool, spaces: &[Space]) {
         let Space { b, x, residual } = &spaces[depth];
         let Some(level) = self.levels.get(depth) else {
             return self.coarsest.solve(|i| b.get(i), |i, value| x.set(i, value));
         };
         let below = &spaces[depth + 1];
-        level.sweep(b, x, false);
-        level.sweep(b, x, true);
+        level.sweep(&spaces[depth], from_zero);
+        level.sweep_slow(&spaces[depth]);
         level.relax_clusters(b, x);
-        level.a.apply(x, residual, |i, sum| b.get(i) - sum);
+        residual.fill(|i| b.get(i) - level.row_times(i, x));
         level.r.apply(residual, &below.b, |_, sum| sum);
-        below.x.fill(|_| 0.0);
-        for _ in 0..if self.twice == Some(depth + 1) { 2 } else { 1 } {
-            self.descend(depth + 1, spaces);
+        self.descend(depth + 1, true, spaces);
+        if self.twice == Some(depth + 1) {
+            self.descend(depth + 1, false, spaces);
         }
         level.p.apply(&below.x, x, |i, sum| x.get(i) + sum);
         level.relax_clusters(b, x);
-        level.sweep(b, x, true);
-        level.sweep(b, x, false);
+        level.sweep_slow(&spaces[depth]);
+        level.sweep(&spaces[depth], false);
     }
 }
 
 impl Level {
-    /// A symmetric sweep, over all unknowns or the slow ones.
-    fn sweep(&self, b: &Vector, x: &Vector, slow: bool) {
-        if slow && self.slow.is_empty() {
-            return;
-        }
-        let ends = &self.order.ends;
-        let seam = ends.last().copied().unwrap_or(0)..self.inverse.len();
-        let blocks = |forward: bool| {
-            (0..ends.len()).into_par_iter().for_each(|k| {
-                let start = if k == 0 { 0 } else { ends[k - 1] };
-                self.relax(b, x, start..ends[k], slow, forward);
-            });
-        };
-        blocks(true);
-        self.relax(b, x, seam.clone(), slow, true);
-        self.relax(b, x, seam, slow, false);
-        blocks(false);
+    #[inline(always)]
+    fn row_times(&self, i: usize, x: &Vector) -> f32 {
+        self.diagonal[i] * x.get(i) + self.lower.row_times(i, x) + self.upper.row_times(i, x)
     }
 
-    /// Half a symmetric sweep over some rows, or the slow ones of them.
-    fn relax(&self, b: &Vector, x: &Vector, rows: Range<usize>, slow: bool, forward: bool) {
-        if slow {
-            let place = |i: usize| self.slow.partition_point(|&k| (k as usize) < i);
-            let slow = &self.slow[place(rows.start)..place(rows.end)];
-            self.relax_each(b, x, slow.iter().map(|&i| i as usize), forward);
-        } else {
-            self.relax_each(b, x, rows, forward);
+    /// A symmetric sweep. From 0, nothing right of the diagonal counts on the way there.
+    fn sweep(&self, space: &Space, from_zero: bool) {
+        let ends = &self.order.ends;
+        let start = |k: usize| if k == 0 { 0 } else { ends[k - 1] };
+        let there = |rows: Range<usize>| {
+            if from_zero { self.there::<true>(space, rows) } else { self.there::<false>(space, rows) }
+        };
+        let seam = ends.last().copied().unwrap_or(0)..self.diagonal.len();
+        (0..ends.len()).into_par_iter().for_each(|k| there(start(k)..ends[k]));
+        there(seam.clone());
+        self.back(space, seam);
+        (0..ends.len()).into_par_iter().for_each(|k| self.back(space, start(k)..ends[k]));
+    }
+
+    /// A symmetric sweep over the slow unknowns.
+    fn sweep_slow(&self, space: &Space) {
+        if self.slow.is_empty() {
+            return;
+        }
+        let mut cuts = vec![0];
+        cuts.extend(self.order.ends.iter().map(|&end| self.slow.partition_point(|&k| (k as usize) < end)));
+        let blocks = || cuts.par_windows(2).map(|cut| self.slow[cut[0]..cut[1]].iter().map(|&i| i as usize));
+        let seam = || self.slow[cuts[cuts.len() - 1]..].iter().map(|&i| i as usize);
+        blocks().for_each(|rows| self.there::<false>(space, rows));
+        self.there::<false>(space, seam());
+        self.back(space, seam());
+        blocks().for_each(|rows| self.back(space, rows));
+    }
+
+    /// The way there of a sweep, over some rows; keeps what it sees of the right-hand side left of the diagonal, for the
+    /// way back.
+    #[inline(always)]
+    fn there<const FROM_ZERO: bool>(&self, Space { b, x, residual }: &Space, rows: impl Iterator<Item = usize>) {
+        for i in rows {
+            let left = b.get(i) - self.lower.row_times(i, x);
+            residual.set(i, left);
+            x.set(i, (if FROM_ZERO { left } else { left - self.upper.row_times(i, x) }) * self.inverse[i]);
+        }
+    }
+
+    /// The way back: left of the diagonal nothing has changed since the way there (Conrad and Wallach 1979).
+    #[inline(always)]
+    fn back(&self, Space { x, residual, .. }: &Space, rows: impl DoubleEndedIterator<Item = usize>) {
+        for i in rows.rev() {
+            x.set(i, (residual.get(i) - self.upper.row_times(i, x)) * self.inverse[i]);
         }
     }
 
@@ -248,40 +303,47 @@ impl Level {
         for (rows, factor) in self.clusters.iter().chain(self.clusters.iter().rev()) {
             let row = |k: usize| rows[k] as usize;
             residual.clear();
-            residual.extend((0..rows.len()).map(|k| b.get(row(k)) - self.a.row_times(row(k), x)));
+            residual.extend((0..rows.len()).map(|k| b.get(row(k)) - self.row_times(row(k), x)));
             factor.solve(|k| residual[k], |k, change| x.set(row(k), x.get(row(k)) + change));
         }
     }
+}
 
-    fn relax_each(&self, b: &Vector, x: &Vector, rows: impl DoubleEndedIterator<Item = usize>, forward: bool) {
-        let relax = |i: usize| x.set(i, x.get(i) + (b.get(i) - self.a.row_times(i, x)) * self.inverse[i]);
-        if forward {
-            rows.for_each(relax);
-        } else {
-            rows.rev().for_each(relax);
+/// Sums of parts, in their order.
+fn sums<const N: usize>(parts: impl IndexedParallelIterator<Item = [f64; N]>) -> [f64; N] {
+    let parts: Vec<[f64; N]> = parts.collect();
+    std::array::from_fn(|k| parts.iter().map(|part| part[k]).sum())
+}
+
+fn norm(x: &[f64]) -> f64 {
+    let [sum] = sums(x.par_chunks(PART).map(|x| [x.iter().map(|x| x * x).sum()]));
+    sum.sqrt()
+}
+
+/// `y = a x`; returns the scalar product of both.
+fn product(a: RowsRef<'_>, x: &[f64], y: &mut [f64]) -> f64 {
+    let [sum] = sums(y.par_chunks_mut(PART).enumerate().map(|(part, y)| {
+        let mut sum = 0.0;
+        for (i, y) in (part * PART..).zip(y) {
+            let (columns, values) = a.row(i);
+            *y = columns.iter().zip(values).map(|(&j, a)| a * x[j as usize]).sum();
+            sum += *y * x[i];
         }
-    }
+        [sum]
+    }));
+    sum
 }
 
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    let parts = x.par_chunks(PART).zip(y.par_chunks(PART));
-    let sums: Vec<f64> = parts.map(|(x, y)| x.iter().zip(y).map(|(a, b)| a * b).sum()).collect();
-    sums.iter().sum()
-}
-
-/// `y += scale x`.
-fn add(y: &mut [f64], scale: f64, x: &[f64]) {
-    let parts = y.par_chunks_mut(PART).zip(x.par_chunks(PART));
-    parts.for_each(|(y, x)| y.iter_mut().zip(x).for_each(|(y, x)| *y += scale * x));
-}
-
-fn product(a: RowsRef<'_>, x: &[f64], y: &mut [f64]) {
-    y.par_chunks_mut(PART).enumerate().for_each(|(part, y)| {
-        for (k, value) in y.iter_mut().enumerate() {
-            let (columns, values) = a.row(part * PART + k);
-            *value = columns.iter().zip(values).map(|(&j, a)| a * x[j as usize]).sum();
-        }
-    });
+/// `x += scale p` and `r -= scale q`; returns the norm of `r`.
+fn step(scale: f64, (x, p): (&mut [f64], &[f64]), (r, q): (&mut [f64], &[f64])) -> f64 {
+    let left = x.par_chunks_mut(PART).zip(p.par_chunks(PART));
+    let right = r.par_chunks_mut(PART).zip(q.par_chunks(PART));
+    let [sum] = sums(left.zip(right).map(|((x, p), (r, q))| {
+        x.iter_mut().zip(p).for_each(|(x, p)| *x += scale * p);
+        r.iter_mut().zip(q).for_each(|(r, q)| *r -= scale * q);
+        [r.iter().map(|r| r * r).sum()]
+    }));
+    sum.sqrt()
 }
 
 /// What an iteration aims at.
@@ -309,37 +371,32 @@ pub fn solve(
     }
     let spaces = cycle.spaces();
     let (mut x, mut r, mut z) = (vec![0.0; n], b.to_vec(), vec![0.0; n]);
-    let (mut p, mut q, mut last) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let mut norms = vec![dot(&r, &r).sqrt()];
+    let (mut p, mut q) = (vec![0.0; n], vec![0.0; n]);
+    let mut norms = vec![norm(&r)];
     let wanted = goal.tolerance * norms[0];
-    let mut rho = 1.0;
+    let mut curvature = 1.0;
     for k in 0..goal.iterations {
         if norms[k] <= wanted {
             break;
         }
         progress.check()?;
-        cycle.precondition(&r, &mut z, &spaces);
+        let [rho, change] = cycle.precondition(&r, norms[k], &mut z, [&r, &q], &spaces);
         if goal.accelerated {
-            // Polak and Ribière's form bears a preconditioner that is symmetric up to single precision only
-            let old = rho;
-            rho = dot(&r, &z);
-            let beta = if k == 0 { 0.0 } else { (rho - dot(&last, &z)) / old };
+            // Polak and Ribière's form bears a preconditioner that is symmetric up to single precision only; residuals
+            // differ by alpha q, and alpha is the old rho / (p . q)
+            let beta = -change / curvature;
             let parts = p.par_chunks_mut(PART).zip(z.par_chunks(PART));
             parts.for_each(|(p, z)| p.iter_mut().zip(z).for_each(|(p, z)| *p = z + beta * *p));
-            product(a, &p, &mut q);
-            let alpha = rho / dot(&p, &q);
+            curvature = product(a, &p, &mut q);
+            let alpha = rho / curvature;
             if !alpha.is_finite() {
                 break;
             }
-            last.copy_from_slice(&r);
-            add(&mut x, alpha, &p);
-            add(&mut r, -alpha, &q);
+            norms.push(step(alpha, (&mut x, &p), (&mut r, &q)));
         } else {
-            add(&mut x, 1.0, &z);
             product(a, &z, &mut q);
-            add(&mut r, -1.0, &q);
+            norms.push(step(1.0, (&mut x, &z), (&mut r, &q)));
         }
-        norms.push(dot(&r, &r).sqrt());
     }
     Ok((x, norms))
 }
@@ -350,6 +407,6 @@ pub fn precondition(cycle: &Cycle, r: &[f64]) -> Result<Vec<f64>, Error> {
         return Err(Error::Argument(format!("'r' has {} entries, expected {}", r.len(), cycle.size())));
     }
     let mut z = vec![0.0; r.len()];
-    cycle.precondition(r, &mut z, &cycle.spaces());
+    cycle.precondition(r, norm(r), &mut z, [r, r], &cycle.spaces());
     Ok(z)
 }
