@@ -14,7 +14,7 @@ On top of the hierarchy's own prolongations, some things that solvers need:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -236,8 +236,6 @@ def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | No
 
     Its row and column of the held unknown are what makes all rows and columns sum to 0.
     """
-    from scipy.sparse import coo_matrix
-
     if len(mask) - np.count_nonzero(mask) != 1:
         return None
     rows, columns = (np.asarray(matrix.sum(axis=axis)).ravel() for axis in (1, 0))
@@ -245,13 +243,32 @@ def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | No
     near = np.flatnonzero((np.abs(rows) > rounding) | (np.abs(columns) > rounding))
     if not 0 < len(near) <= MOST_GAUGED or not rows[near].sum() > 0:
         return None
-    at, place = np.flatnonzero(mask).astype(np.int32), np.int32(np.argmin(mask))
-    long = matrix.tocoo()
-    more = np.full(len(near), place)
-    row = np.concatenate([at[long.row], at[near], more, [place]])
-    column = np.concatenate([at[long.col], more, at[near], [place]])
-    values = np.concatenate([long.data, -rows[near], -columns[near], [rows[near].sum()]])
-    return as_csr(coo_matrix((values, (row, column)), shape=(len(mask), len(mask))))
+    held = int(np.argmin(mask))
+    known = matrix if matrix.has_sorted_indices else matrix.sorted_indices()
+    indices = known.indices + (known.indices >= held)
+    number = near + (near >= held)
+    before = int(np.searchsorted(number, held))
+    own = (np.insert(number, before, held), np.insert(-columns[near], before, rows[near].sum()))
+    # by row: where its new entries come, and what they are
+    more = [(held, int(known.indptr[held]), *own)]
+    for i, row in zip(number.tolist(), near.tolist()):
+        start, end = known.indptr[row : row + 2].tolist()
+        place = start + int(np.searchsorted(indices[start:end], held))
+        more.append((i, place, np.array([held]), -rows[row : row + 1]))
+    more.sort(key=lambda entries: entries[0])
+    _, places, new_indices, new_values = zip(*more, strict=True)
+    counts = np.insert(np.diff(known.indptr), held, len(own[0]))
+    counts[number] += 1
+    indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    parts = (indptr, _inserted(indices, places, new_indices), _inserted(known.data, places, new_values))
+    return csr(parts, len(mask))
+
+
+def _inserted(values: NDArray[Any], places: Sequence[int], pieces: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return an array with pieces put in before ascending places."""
+    kept = np.split(values, places)
+    both = [part for pair in zip(kept, pieces, strict=False) for part in pair]
+    return np.concatenate([*both, kept[-1]], dtype=values.dtype, casting="same_kind")
 
 
 def _grounded(made: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
