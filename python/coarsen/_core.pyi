@@ -21,6 +21,7 @@ __all__ = [
     "__version__",
     "cell_quality",
     "check_mesh",
+    "clusters",
     "coarsened",
     "conflict_graph",
     "delaunay",
@@ -121,6 +122,7 @@ def stage(
     a: _Csr, p: _Csr, coarse: npt.NDArray[np.bool_], least: float, left: float, threads: int | None
 ) -> tuple[_Rows, _Rows, npt.NDArray[np.int64]]: ...
 def slow(a: _Csr, coarse: npt.NDArray[np.bool_], left: float) -> npt.NDArray[np.int64]: ...
+def clusters(a: _Csr, threads: int | None) -> tuple[_Indices, _Indices]: ...
 
 @final
 class Cycle:

@@ -243,31 +243,38 @@ def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | No
     near = np.flatnonzero((np.abs(rows) > rounding) | (np.abs(columns) > rounding))
     if not 0 < len(near) <= MOST_GAUGED or not rows[near].sum() > 0:
         return None
-    held = int(np.argmin(mask))
+    return _bordered(matrix, int(np.argmin(mask)), near, (-columns[near], -rows[near], rows[near].sum()))
+
+
+def _bordered(
+    matrix: csr_matrix, held: int, near: NDArray[np.int64], values: tuple[Any, NDArray[np.float64], float]
+) -> csr_matrix:
+    """Return a matrix with one more row and column, entries of which are given for unknowns `near`, and diagonal."""
     known = matrix if matrix.has_sorted_indices else matrix.sorted_indices()
     indices = known.indices + (known.indices >= held)
     number = near + (near >= held)
     before = int(np.searchsorted(number, held))
-    own = (np.insert(number, before, held), np.insert(-columns[near], before, rows[near].sum()))
+    row, column, own = values
     # by row: where its new entries come, and what they are
-    more = [(held, int(known.indptr[held]), *own)]
-    for i, row in zip(number.tolist(), near.tolist()):
-        start, end = known.indptr[row : row + 2].tolist()
+    more = [(held, int(known.indptr[held]), np.insert(number, before, held), np.insert(row, before, own))]
+    for k, i in enumerate(near.tolist()):
+        start, end = known.indptr[i : i + 2].tolist()
         place = start + int(np.searchsorted(indices[start:end], held))
-        more.append((i, place, np.array([held]), -rows[row : row + 1]))
+        more.append((int(number[k]), place, np.array([held]), column[k : k + 1]))
     more.sort(key=lambda entries: entries[0])
     _, places, new_indices, new_values = zip(*more, strict=True)
-    counts = np.insert(np.diff(known.indptr), held, len(own[0]))
+    counts = np.insert(np.diff(known.indptr), held, len(near) + 1)
     counts[number] += 1
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    parts = (indptr, _inserted(indices, places, new_indices), _inserted(known.data, places, new_values))
-    return csr(parts, len(mask))
+    return csr(
+        (indptr, _inserted(indices, places, new_indices), _inserted(known.data, places, new_values)), len(counts)
+    )
 
 
 def _inserted(values: NDArray[Any], places: Sequence[int], pieces: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """Return an array with pieces put in before ascending places."""
     kept = np.split(values, places)
-    both = [part for pair in zip(kept, pieces, strict=False) for part in pair]
+    both = [part for pair in zip(kept[:-1], pieces, strict=True) for part in pair]
     return np.concatenate([*both, kept[-1]], dtype=values.dtype, casting="same_kind")
 
 

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::prolongation::Finer;
 use crate::transfer::rows::{Rows, RowsRef};
-use crate::transfer::{blocks, cycle, galerkin, loose, overlap, prolongation, slow};
+use crate::transfer::{blocks, clusters, cycle, galerkin, loose, overlap, prolongation, slow};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 
@@ -181,6 +181,23 @@ fn py_slow<'py>(
     Ok(made.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py))
 }
 
+/// Unknowns that are relaxed together: the clusters, one after the other, and where each one starts.
+#[pyfunction(name = "clusters")]
+fn py_clusters<'py>(py: Python<'py>, a: PyRows<'py>, threads: Option<usize>) -> PyResult<(Indices<'py>, Indices<'py>)> {
+    let a = a.view("A")?;
+    let made = run(py, threads, None, |_| {
+        let diagonal: Vec<f64> = (0..a.len()).map(|i| a.entry(i, i)).collect();
+        Ok(clusters::clusters(a, &diagonal))
+    })?;
+    let mut ends = vec![0];
+    ends.extend(made.iter().scan(0, |end, cluster| {
+        *end += cluster.0.len() as i64;
+        Some(*end)
+    }));
+    let unknowns = made.into_iter().flat_map(|cluster| cluster.0).map(i64::from).collect::<Vec<_>>();
+    Ok((unknowns.into_pyarray(py), ends.into_pyarray(py)))
+}
+
 type PyStage<'py> = (PyRows<'py>, PyRows<'py>, PyRows<'py>, PyReadonlyArray1<'py, i64>);
 
 /// A V-cycle on matrices that `coarsen.galerkin` made.
@@ -247,6 +264,7 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(py_slow, m)?)?;
     m.add_function(wrap_pyfunction!(py_stage, m)?)?;
     m.add_function(wrap_pyfunction!(py_filtered_blocks, m)?)?;
+    m.add_function(wrap_pyfunction!(py_clusters, m)?)?;
     m.add_class::<Cycle>()?;
     m.add_function(wrap_pyfunction!(py_galerkin, m)?)
 }

@@ -27,44 +27,62 @@ struct Single {
 }
 
 impl Single {
-    /// One matrix of each kind of entries, by what `kind(new row, new column)` says.
-    fn sorted<const N: usize>(
+    /// A matrix in a new order.
+    fn new(rows: RowsRef<'_>, order: &Order, columns: &Order) -> Self {
+        let [all] = Self::split(rows, order, columns, |_, _| 0);
+        all
+    }
+
+    /// Matrices of the entries of each part, by what `part(new row, new column)` says; N for none.
+    fn split<const N: usize>(
         rows: RowsRef<'_>,
         order: &Order,
         columns: &Order,
-        kind: impl Fn(usize, usize) -> Option<usize> + Sync,
+        part: impl Fn(usize, usize) -> usize + Sync,
     ) -> [Self; N] {
-        let starts: Vec<usize> = (0..rows.len()).step_by(PART).collect();
-        let made = starts.into_par_iter().map(|start| {
-            let mut made = std::array::from_fn(|_| Self { starts: Vec::new(), entries: Vec::new() });
-            for i in start..(start + PART).min(rows.len()) {
-                let (indices, values) = rows.row(order.old_of(i));
-                for (&j, &value) in indices.iter().zip(values) {
-                    let j = columns.new_of(j as usize);
-                    if let Some(k) = kind(i, j) {
-                        made[k].entries.push((j as u32, value as f32));
+        let row = |i: usize| {
+            let (indices, values) = rows.row(order.old_of(i));
+            indices.iter().map(|&j| columns.new_of(j as usize)).zip(values)
+        };
+        let count = |i: usize| {
+            let mut counts = [0; N];
+            row(i).for_each(|(j, _)| {
+                if let Some(count) = counts.get_mut(part(i, j)) {
+                    *count += 1
+                }
+            });
+            counts
+        };
+        let counts: Vec<[u32; N]> = (0..rows.len()).into_par_iter().with_min_len(PART).map(count).collect();
+        let mut made: [Self; N] = std::array::from_fn(|k| {
+            let mut starts = Vec::with_capacity(rows.len() + 1);
+            starts.push(0);
+            starts.extend(counts.iter().scan(0, |end, count| {
+                *end += count[k];
+                Some(*end)
+            }));
+            Self { entries: vec![(0, 0.0); starts[rows.len()] as usize], starts }
+        });
+        let sizes = |k: usize| counts.chunks(PART).map(move |rows| rows.iter().map(|row| row[k] as usize).sum());
+        let mut places: Vec<[&mut [(u32, f32)]; N]> = Vec::new();
+        places.resize_with(counts.len().div_ceil(PART), || std::array::from_fn(|_| Default::default()));
+        for (k, made) in made.iter_mut().enumerate() {
+            let cut = parts(&mut made.entries, &sizes(k).collect::<Vec<_>>());
+            cut.into_iter().zip(&mut places).for_each(|(slice, place)| place[k] = slice);
+        }
+        places.into_par_iter().enumerate().for_each(|(chunk, places)| {
+            let mut filled = [0; N];
+            for i in chunk * PART..((chunk + 1) * PART).min(rows.len()) {
+                for (j, &value) in row(i) {
+                    let k = part(i, j);
+                    if k < N {
+                        places[k][filled[k]] = (j as u32, value as f32);
+                        filled[k] += 1;
                     }
                 }
-                made.iter_mut().for_each(|made| made.starts.push(made.entries.len() as u32));
             }
-            made
         });
-        let made: Vec<[Self; N]> = made.collect();
-        std::array::from_fn(|k| Self::stacked(&made.iter().map(|made| &made[k]).collect::<Vec<_>>()))
-    }
-
-    /// One matrix of blocks of rows; these have ends of rows instead of starts.
-    fn stacked(blocks: &[&Self]) -> Self {
-        let mut starts = vec![0];
-        for block in blocks {
-            let start = starts[starts.len() - 1];
-            starts.extend(block.starts.iter().map(|end| start + end));
-        }
-        let mut entries = vec![(0, 0.0); starts[starts.len() - 1] as usize];
-        let sizes: Vec<usize> = blocks.iter().map(|block| block.entries.len()).collect();
-        let places = parts(&mut entries, &sizes).into_par_iter().zip(blocks);
-        places.for_each(|(place, block)| place.copy_from_slice(&block.entries));
-        Self { starts, entries }
+        made
     }
 
     #[inline(always)]
@@ -103,6 +121,8 @@ impl Vector {
     }
 }
 
+type Cluster = (Vec<u32>, Cholesky);
+
 /// One level but the coarsest.
 struct Level {
     order: Order,
@@ -113,8 +133,8 @@ struct Level {
     upper: Single,
     /// Unknowns that are swept once more, ascending in their new numbers.
     slow: Vec<u32>,
-    /// Unknowns that are relaxed together.
-    clusters: Vec<(Vec<u32>, Cholesky)>,
+    /// Unknowns that are relaxed together: by the block that they lie in, and in the end those in several or the seam.
+    clusters: Vec<Vec<Cluster>>,
     p: Single,
     r: Single,
 }
@@ -168,15 +188,13 @@ impl Cycle {
             }
             let mut slow: Vec<u32> = slow.iter().map(|&i| order.new_of(i as usize) as u32).collect();
             slow.sort_unstable();
-            let mut clusters = clusters(*a, &diagonal);
-            clusters.iter_mut().flat_map(|cluster| &mut cluster.0).for_each(|i| *i = order.new_of(*i as usize) as u32);
-            let ([p], [r]) =
-                (Single::sorted(*p, &order, below, |_, _| Some(0)), Single::sorted(*r, below, &order, |_, _| Some(0)));
-            let side = |i, j| if i == j { None } else { Some(usize::from(j > i)) };
-            let [lower, upper] = Single::sorted(*a, &order, &order, side);
-            let diagonal = || (0..a.len()).map(|i| diagonal[order.old_of(i)]);
+            let clusters = by_block(clusters(*a, &diagonal), &order);
+            let (p, r) = (Single::new(*p, &order, below), Single::new(*r, below, &order));
+            let side = |i: usize, j: usize| if i == j { 2 } else { usize::from(j > i) };
+            let [lower, upper] = Single::split(*a, &order, &order, side);
+            let own = || (0..a.len()).into_par_iter().with_min_len(PART).map(|i| diagonal[order.old_of(i)]);
             let (inverse, diagonal) =
-                (diagonal().map(|own| (1.0 / own) as f32).collect(), diagonal().map(|own| own as f32).collect());
+                (own().map(|own| (1.0 / own) as f32).collect(), own().map(|own| own as f32).collect());
             levels.push(Level { order, diagonal, inverse, lower, upper, slow, clusters, p, r });
         }
         if coarsest.len() != size || coarsest.columns != size {
@@ -229,7 +247,7 @@ impl Cycle {
         let below = &spaces[depth + 1];
         level.sweep(&spaces[depth], from_zero);
         level.sweep_slow(&spaces[depth]);
-        level.relax_clusters(b, x);
+        level.relax_clusters(&spaces[depth]);
         residual.fill(|i| b.get(i) - level.row_times(i, x));
         level.r.apply(residual, &below.b, |_, sum| sum);
         self.descend(depth + 1, true, spaces);
@@ -237,7 +255,7 @@ impl Cycle {
             self.descend(depth + 1, false, spaces);
         }
         level.p.apply(&below.x, x, |i, sum| x.get(i) + sum);
-        level.relax_clusters(b, x);
+        level.relax_clusters(&spaces[depth]);
         level.sweep_slow(&spaces[depth]);
         level.sweep(&spaces[depth], false);
     }
@@ -297,16 +315,34 @@ impl Level {
         }
     }
 
-    /// Relaxes each cluster, there and back.
-    fn relax_clusters(&self, b: &Vector, x: &Vector) {
-        let mut residual = Vec::new();
-        for (rows, factor) in self.clusters.iter().chain(self.clusters.iter().rev()) {
+    /// Relaxes each cluster, there and back; those of different blocks at the same time.
+    fn relax_clusters(&self, Space { b, x, .. }: &Space) {
+        let Some((several, blocks)) = self.clusters.split_last() else { return };
+        let relax = |(rows, factor): &Cluster| {
             let row = |k: usize| rows[k] as usize;
-            residual.clear();
-            residual.extend((0..rows.len()).map(|k| b.get(row(k)) - self.row_times(row(k), x)));
+            let residual: Vec<f32> = (0..rows.len()).map(|k| b.get(row(k)) - self.row_times(row(k), x)).collect();
             factor.solve(|k| residual[k], |k, change| x.set(row(k), x.get(row(k)) + change));
-        }
+        };
+        blocks.par_iter().for_each(|clusters| clusters.iter().for_each(relax));
+        several.iter().for_each(relax);
+        several.iter().rev().for_each(relax);
+        blocks.par_iter().for_each(|clusters| clusters.iter().rev().for_each(relax));
     }
+}
+
+/// Clusters in new numbers, by the block of an order that they lie in, and in the end the others; nothing if there is none.
+fn by_block(clusters: Vec<Cluster>, order: &Order) -> Vec<Vec<Cluster>> {
+    let ends = &order.ends;
+    let mut made: Vec<Vec<Cluster>> = Vec::new();
+    for (mut rows, factor) in clusters {
+        rows.iter_mut().for_each(|i| *i = order.new_of(*i as usize) as u32);
+        let block = |i: u32| ends.partition_point(|&end| end <= i as usize);
+        let first = block(rows[0]);
+        let place = if rows.iter().all(|&i| block(i) == first) { first } else { ends.len() };
+        made.resize_with(ends.len() + 1, Vec::new);
+        made[place].push((rows, factor));
+    }
+    made
 }
 
 /// Sums of parts, in their order.

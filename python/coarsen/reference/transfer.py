@@ -426,9 +426,7 @@ def galerkin(a: Any, p: Any, least: float, _threads: int | None) -> tuple[Rows, 
     return out[0], out[1]
 
 
-def stage(
-    a: Any, p: Any, coarse: Any, least: float, left: float, threads: int | None
-) -> tuple[Rows, Rows, Ints]:
+def stage(a: Any, p: Any, coarse: Any, least: float, left: float, threads: int | None) -> tuple[Rows, Rows, Ints]:
     """Return the same, and the unknowns that are slow."""
     return (*galerkin(a, p, least, threads), slow(a, coarse, left))
 
