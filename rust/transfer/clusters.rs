@@ -83,7 +83,7 @@ mod tests {
         // 0 and 1 and 2 in a row, 3 alone; 4 and 5 would make a block that is not positive definite
         let mut dense = [[0.0; 6]; 6];
         (0..6).for_each(|i| dense[i][i] = 1.0);
-        for (i, j, v) in [(0, 1, -0.7), (1, 2, 0.6), (2, 3, -0.5), (4, 5, -1.1)] {
+        for (i, j, v) in [(0, 1, -0.7), (1, 2, 0.6), (2, 3, -0.4), (4, 5, -1.1)] {
             (dense[i][j], dense[j][i]) = (v, v);
         }
         let a = Rows {

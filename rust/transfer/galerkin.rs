@@ -70,16 +70,19 @@ impl Sum {
     }
 
     /// Adds the rows of a matrix that a row combines.
+    #[inline(always)]
     fn add_rows(&mut self, (rows, scales): (&[i32], &[f64]), of: RowsRef<'_>) {
+        let Self { slots, row, columns, .. } = self;
+        let (slots, row) = (slots.as_mut_slice(), *row);
         for (&k, &scale) in rows.iter().zip(scales) {
-            let (columns, values) = of.row(k as usize);
-            for (&column, &value) in columns.iter().zip(values) {
-                let slot = &mut self.slots[column as usize];
-                if slot.1 == self.row {
+            let (indices, values) = of.row(k as usize);
+            for (&column, &value) in indices.iter().zip(values) {
+                let slot = &mut slots[column as usize];
+                if slot.1 == row {
                     slot.0 += scale * value;
                 } else {
-                    *slot = (scale * value, self.row);
-                    self.columns.push(column);
+                    *slot = (scale * value, row);
+                    columns.push(column);
                 }
             }
         }
