@@ -6,7 +6,8 @@ P1 Poisson, random right-hand side, relative residual 1e-8; V-cycles with one sy
 after, as preconditioner of CG and alone; against PyAMG's two solvers on the same matrix in the same run. The hierarchy
 is tried with the package's own cycle and, on the same stages, with PyAMG's; both sweep the slow unknowns, up to half
 of them, once more; the package's own visits one small level twice where features are dropped. The boundary is held as a
-whole (Dirichlet), in its left half (partial), or at one node only (Neumann). Each method runs in a process of its own,
+whole (Dirichlet), in its left half (partial), or at one node only (Neumann); in each part of a mesh that this leaves
+without a held node, one is held, for the matrix would be singular. Each method runs in a process of its own,
 forked when mesh and matrix are there: its memory is the growth of that process's peak.
 
 A second table is about shapes: coarse operators that are assembled on the coarse meshes instead of Galerkin's, and
@@ -31,6 +32,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pyamg
 from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 import coarsen
 from coarsen.multigrid import SMOOTHER, laplacian, pyamg_solver, solver
@@ -77,16 +79,25 @@ def inputs(sizes: list[int], folder: Path) -> Iterator[tuple[str, coarsen.Mesh]]
 
 
 def free_nodes(mesh: coarsen.Mesh, kind: str) -> np.ndarray:
-    """Return the nodes that the boundary condition leaves free."""
+    """Return the nodes that the boundary condition leaves free; each part of the mesh has one that it does not."""
     free = np.ones(mesh.n_points, dtype=bool)
     if kind == "Dirichlet":
         free[mesh.boundary_facets] = False
     elif kind == "partial":
         middle = mesh.points[mesh.boundary_facets].mean(axis=1)[:, 0]
         free[mesh.boundary_facets[middle < np.median(middle)]] = False
-    else:
-        free[mesh.n_points // 2] = False
+    part = parts(mesh)
+    for loose in np.setdiff1d(part, part[~free]):
+        nodes = np.flatnonzero(part == loose)
+        free[nodes[len(nodes) // 2]] = False
     return free
+
+
+def parts(mesh: coarsen.Mesh) -> np.ndarray:
+    """Return the part of the mesh, by its number, that each node belongs to."""
+    ends = np.concatenate([mesh.cells[:, [k, (k + 1) % 3]] for k in range(3)])
+    edges = coo_matrix((np.ones(len(ends), dtype=bool), tuple(ends.T)), shape=(mesh.n_points,) * 2)
+    return np.asarray(connected_components(edges, directed=False)[1])
 
 
 def peak() -> float:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -173,6 +177,56 @@ def test_what_cannot_be_solved_is_refused():
         solver.solve(np.zeros(n), accel="gmres")
     with pytest.raises(ValueError, match="unknowns, expected at most 3000"):
         multigrid.solver(A, h, dirichlet="boundary", max_coarse=10_000)
+
+
+def boundary_layer(n=40, thinnest=1e-4):
+    """Return a square with rows of nodes that are dense at the bottom."""
+    y = np.concatenate([[0.0], np.geomspace(thinnest, 1.0, n)])
+    x = np.linspace(0.0, 1.0, n)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    corner = (np.arange(n)[:, None] * n + np.arange(n - 1)).ravel()
+    lower, upper = ([corner, corner + 1, corner + n + 1], [corner, corner + n + 1, corner + n])
+    return coarsen.Mesh(points, np.concatenate([np.stack(lower, axis=1), np.stack(upper, axis=1)]))
+
+
+@pytest.mark.parametrize("make", ["solver", "pyamg_solver"])
+def test_boundary_layers_take_no_more_iterations_than_other_meshes(make):
+    if make == "pyamg_solver":
+        pytest.importorskip("pyamg")
+    mesh = boundary_layer()
+    h = coarsen.hierarchy(mesh, features="auto")
+    made = getattr(multigrid, make)(multigrid.laplacian(mesh), h, dirichlet="boundary")
+    norms = []
+    made.solve(right_hand_side(made), tol=1e-8, residuals=norms, accel="cg")
+    assert len(norms) - 1 <= 8
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_solver_is_made_in_a_forked_process():
+    """Threads of the parent's pools are not there in the child."""
+    script = """if True:
+        import multiprocessing
+        import sys
+
+        import coarsen
+        from coarsen import multigrid
+
+        mesh = coarsen.gallery.square(30_000)
+        h, A = coarsen.hierarchy(mesh), multigrid.laplacian(mesh)
+
+        def make():
+            multigrid.solver(A, h, dirichlet="boundary")
+
+        make()
+        child = multiprocessing.get_context("fork").Process(target=make)
+        child.start()
+        child.join(30)
+        hangs = child.is_alive()
+        if hangs:
+            child.kill()
+        sys.exit(hangs)
+    """
+    assert subprocess.run([sys.executable, "-c", script], timeout=120, check=False).returncode == 0
 
 
 def test_matrices_of_levels_that_do_not_fit_are_refused():

@@ -21,6 +21,7 @@ __all__ = [
     "__version__",
     "cell_quality",
     "check_mesh",
+    "clusters",
     "coarsened",
     "conflict_graph",
     "delaunay",
@@ -37,6 +38,7 @@ __all__ = [
     "quadtree",
     "skeleton_independent_set",
     "slow",
+    "stage",
     "threshold",
 ]
 
@@ -116,7 +118,11 @@ def extended(
     loose: npt.NDArray[np.bool_],
     component: npt.NDArray[np.int64],
 ) -> tuple[_Rows, npt.NDArray[np.int64]]: ...
+def stage(
+    a: _Csr, p: _Csr, coarse: npt.NDArray[np.bool_], least: float, left: float, threads: int | None
+) -> tuple[_Rows, _Rows, npt.NDArray[np.int64]]: ...
 def slow(a: _Csr, coarse: npt.NDArray[np.bool_], left: float) -> npt.NDArray[np.int64]: ...
+def clusters(a: _Csr, threads: int | None) -> tuple[_Indices, _Indices]: ...
 
 @final
 class Cycle:
@@ -125,6 +131,7 @@ class Cycle:
         stages: list[tuple[_Csr, _Csr, _Csr, npt.NDArray[np.int64]]],
         coarsest: _Csr,
         twice: int | None = None,
+        threads: int | None = None,
     ) -> Cycle: ...
     def solve(
         self, a: _Csr, b: _Floats, tolerance: float, iterations: int, accelerated: bool, threads: int | None

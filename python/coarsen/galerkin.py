@@ -14,7 +14,7 @@ On top of the hierarchy's own prolongations, some things that solvers need:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -103,6 +103,7 @@ def stages(
     matrix = finest if whole is None else whole
     held = mask if whole is None else np.ones_like(mask)
     made: list[tuple[Any, ...]] = []
+    core, threads = backend(hierarchy.options.backend), hierarchy.options.threads
     columns, component = held, np.tile(np.arange(block_size), len(held) // block_size)[held]
     i = 0
     while matrix.shape[0] > max_coarse:
@@ -112,11 +113,13 @@ def stages(
         rows, columns = columns, held.reshape(-1, block_size)[hierarchy[j].nodes].ravel()
         found = transfer.locate(hierarchy, i, j)
         whole_p = blocks(loose.within_materials(hierarchy[i].mesh, hierarchy[j].mesh, found.matrix), block_size)
-        # a level that is not nested may have nodes that no free finer one takes a value from: they are no unknowns
-        columns &= np.bincount(whole_p[rows].indices, minlength=len(columns)) > 0
+        place = transfer.shared_nodes(hierarchy, i, j)
+        if (place < 0).any():
+            # a level that is not nested may have nodes that no free finer one takes a value from: they are no unknowns
+            columns &= np.bincount(whole_p[rows].indices, minlength=len(columns)) > 0
         prolongation = transfer.reduced(whole_p, rows, columns)
         component_coarse = np.tile(np.arange(block_size), len(columns) // block_size)[columns]
-        own = _own_unknowns(transfer.shared_nodes(hierarchy, i, j), rows, columns)
+        own = _own_unknowns(place, rows, columns)
         if operators is None:
             unknown = np.where(rows, np.cumsum(rows) - 1, -1)[::block_size]
             nodes = loose.unserved(hierarchy, (i, j), found, DEEP, matrix, unknown)
@@ -130,20 +133,21 @@ def stages(
             )
             own = np.concatenate([own, more])
             component = np.concatenate([component_coarse, component[more]])
-            core = backend(hierarchy.options.backend)
-            threads = hierarchy.options.threads
-            restriction, coarse = core.galerkin(matrix, prolongation, WEAK if block_size == 1 else 0.0, threads)
+            least = WEAK if block_size == 1 else 0.0
+            restriction, coarse, slow = core.stage(
+                matrix, prolongation, _marked(matrix.shape[0], own[own >= 0]), least, SLOW, threads
+            )
+            if len(by_matrix):
+                slow = np.flatnonzero(_marked(matrix.shape[0], slow, by_matrix))
             restriction = csr(restriction, matrix.shape[0])
             coarse = csr(coarse, prolongation.shape[1])
             if block_size > 1 and hierarchy[0].mesh.dim == 2:
                 coarse = without_weak_blocks(coarse, hierarchy[j].mesh, columns, block_size, threads)
         else:
-            component, by_matrix = component_coarse, np.empty(0, np.int64)
+            component = component_coarse
             restriction = prolongation.T.tocsr()
             coarse = transfer.reduced(as_csr(operators(j, hierarchy[j].mesh)), columns, columns)
-        coarse_ones = np.zeros(matrix.shape[0], dtype=bool)
-        coarse_ones[own[own >= 0]] = True
-        slow = np.union1d(backend("rust").slow(matrix, coarse_ones, SLOW), by_matrix)
+            slow = core.slow(matrix, _marked(matrix.shape[0], own[own >= 0]), SLOW)
         made.append((i, matrix, prolongation, restriction, slow))
         matrix, i = coarse, j
     made.append((i, matrix, None, None, None))
@@ -167,6 +171,14 @@ def without_weak_blocks(
     first = (np.cumsum(free) - 1)[nodes * block_size]
     rows = backend("rust").filtered_blocks(matrix, first, mesh.points[nodes], block_size, WEAK_BLOCKS, threads)
     return csr(rows, matrix.shape[1])
+
+
+def _marked(size: int, *places: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return a mask that is set at some places."""
+    out = np.zeros(size, dtype=bool)
+    for some in places:
+        out[some] = True
+    return out
 
 
 def _own_unknowns(place: NDArray[np.int64], rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -224,8 +236,6 @@ def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | No
 
     Its row and column of the held unknown are what makes all rows and columns sum to 0.
     """
-    from scipy.sparse import coo_matrix
-
     if len(mask) - np.count_nonzero(mask) != 1:
         return None
     rows, columns = (np.asarray(matrix.sum(axis=axis)).ravel() for axis in (1, 0))
@@ -233,13 +243,39 @@ def whole_matrix(matrix: csr_matrix, mask: NDArray[np.bool_]) -> csr_matrix | No
     near = np.flatnonzero((np.abs(rows) > rounding) | (np.abs(columns) > rounding))
     if not 0 < len(near) <= MOST_GAUGED or not rows[near].sum() > 0:
         return None
-    at, place = np.flatnonzero(mask).astype(np.int32), np.int32(np.argmin(mask))
-    long = matrix.tocoo()
-    more = np.full(len(near), place)
-    row = np.concatenate([at[long.row], at[near], more, [place]])
-    column = np.concatenate([at[long.col], more, at[near], [place]])
-    values = np.concatenate([long.data, -rows[near], -columns[near], [rows[near].sum()]])
-    return as_csr(coo_matrix((values, (row, column)), shape=(len(mask), len(mask))))
+    return _bordered(matrix, int(np.argmin(mask)), near, (-columns[near], -rows[near], rows[near].sum()))
+
+
+def _bordered(
+    matrix: csr_matrix, held: int, near: NDArray[np.int64], values: tuple[Any, NDArray[np.float64], float]
+) -> csr_matrix:
+    """Return a matrix with one more row and column, entries of which are given for unknowns `near`, and diagonal."""
+    known = matrix if matrix.has_sorted_indices else matrix.sorted_indices()
+    indices = known.indices + (known.indices >= held)
+    number = near + (near >= held)
+    before = int(np.searchsorted(number, held))
+    row, column, own = values
+    # by row: where its new entries come, and what they are
+    more = [(held, int(known.indptr[held]), np.insert(number, before, held), np.insert(row, before, own))]
+    for k, i in enumerate(near.tolist()):
+        start, end = known.indptr[i : i + 2].tolist()
+        place = start + int(np.searchsorted(indices[start:end], held))
+        more.append((int(number[k]), place, np.array([held]), column[k : k + 1]))
+    more.sort(key=lambda entries: entries[0])
+    _, places, new_indices, new_values = zip(*more, strict=True)
+    counts = np.insert(np.diff(known.indptr), held, len(near) + 1)
+    counts[number] += 1
+    indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    return csr(
+        (indptr, _inserted(indices, places, new_indices), _inserted(known.data, places, new_values)), len(counts)
+    )
+
+
+def _inserted(values: NDArray[Any], places: Sequence[int], pieces: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return an array with pieces put in before ascending places."""
+    kept = np.split(values, places)
+    both = [part for pair in zip(kept[:-1], pieces, strict=True) for part in pair]
+    return np.concatenate([*both, kept[-1]], dtype=values.dtype, casting="same_kind")
 
 
 def _grounded(made: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:

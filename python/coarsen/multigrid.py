@@ -11,15 +11,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coarsen import transfer
+from coarsen.backend import backend
 from coarsen.galerkin import Operators, Stage, stages
 from coarsen.mesh import Mesh
-from coarsen.vcycle import Solver, solver
+from coarsen.vcycle import TWICE, Solver, solver
 
 if TYPE_CHECKING:
     from pyamg.multilevel import MultilevelSolver
     from scipy.sparse import csr_matrix
 
     from coarsen.multilevel import Hierarchy
+
+Smoother = Callable[[Any, Any, Any], None]
+"""Changes x, given A, x and b."""
 
 __all__ = ["SMOOTHER", "Solver", "from_skfem", "laplacian", "petsc_pcmg", "pyamg_solver", "solver", "to_skfem"]
 
@@ -64,7 +68,8 @@ def pyamg_solver(
         Galerkin's, see `coarsen.galerkin`.
     presmoother, postsmoother
         As for ``pyamg.smoothed_aggregation_solver``; the default is a symmetric Gauss-Seidel sweep, with one more of
-        the unknowns that are slow (see `coarsen.galerkin.Stage`).
+        the unknowns that are slow (see `coarsen.galerkin.Stage`) and of clusters of strongly coupled ones; where levels
+        drop features, twice on the small ones.
     coarse_solver
         As for PyAMG; by default ``"splu"``, or ``"pinv"`` where nothing is held and the matrix may be singular.
     max_coarse : int
@@ -110,8 +115,11 @@ def pyamg_solver(
     cycles = MultilevelSolver(levels, coarse_solver=coarse_solver)
     change_smoothers(cycles, presmoother, postsmoother)
     if presmoother == postsmoother == SMOOTHER:
+        drops = any(level.dropped is not None for level in hierarchy)
         for level, stage in zip(levels[:-1], made, strict=False):
-            level.presmoother, level.postsmoother = _smoothers(stage)
+            small = drops and TWICE * stage.A.shape[0] <= made[0].A.shape[0]
+            smoothers = _smoothers(stage, 2 if small else 1, hierarchy.options.threads)
+            level.presmoother, level.postsmoother = smoothers
     return cycles
 
 
@@ -178,16 +186,18 @@ def petsc_pcmg(
     return pc
 
 
-def _smoothers(stage: Stage) -> tuple[Callable[[Any, Any, Any], None], Callable[[Any, Any, Any], None]]:
-    """Return a symmetric Gauss-Seidel sweep, with one more of the slow unknowns after it, and the reverse.
+def _smoothers(stage: Stage, times: int, threads: int | None) -> tuple[Smoother, Smoother]:
+    """Return what `coarsen.multigrid.solver` relaxes by, before and after, in PyAMG's terms.
 
-    Where the held unknown only chooses the constant it is relaxed, too: with its value moved, all others move back by
-    as much, a step along the constant.
+    A symmetric Gauss-Seidel sweep, one more of the slow unknowns, and the clusters as the subdomains of a Schwarz
+    sweep. Where the held unknown only chooses the constant it is relaxed, too: with its value moved, all others move
+    back by as much, a step along the constant.
     """
-    from pyamg.relaxation.relaxation import gauss_seidel, gauss_seidel_indexed
+    from pyamg.relaxation.relaxation import gauss_seidel, gauss_seidel_indexed, schwarz
 
     gauge, slow = stage.gauge, np.asarray(stage.slow, dtype=np.int32)
     near = np.empty(0, np.int64) if gauge is None else np.flatnonzero(np.abs(gauge) > 0)
+    clusters, starts = (part.astype(np.int32) for part in backend("rust").clusters(stage.A, threads))
 
     def sweep(A: Any, x: Any, b: Any) -> None:
         gauss_seidel(A, x, b, iterations=1, sweep="forward")
@@ -199,15 +209,18 @@ def _smoothers(stage: Stage) -> tuple[Callable[[Any, Any, Any], None], Callable[
         if len(slow):
             gauss_seidel_indexed(A, x, b, slow, iterations=1, sweep="symmetric")
 
-    def before(A: Any, x: Any, b: Any) -> None:
-        sweep(A, x, b)
-        sweep_slow(A, x, b)
+    def relax_clusters(A: Any, x: Any, b: Any) -> None:
+        if len(clusters):
+            schwarz(A, x, b, subdomain=clusters, subdomain_ptr=starts, sweep="symmetric")
 
-    def after(A: Any, x: Any, b: Any) -> None:
-        sweep_slow(A, x, b)
-        sweep(A, x, b)
+    def relax(*steps: Smoother) -> Smoother:
+        def smoother(A: Any, x: Any, b: Any) -> None:
+            for step in steps * times:
+                step(A, x, b)
 
-    return before, after
+        return smoother
+
+    return relax(sweep, sweep_slow, relax_clusters), relax(relax_clusters, sweep_slow, sweep)
 
 
 # --- a first matrix, and meshes of scikit-fem ------------------------------------------------------------------------

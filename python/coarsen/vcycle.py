@@ -37,7 +37,7 @@ class Solver:
         self._held = held
         self._threads = threads
         coarsened: list[Any] = [(stage.A, stage.P, stage.R, stage.slow) for stage in made[:-1]]
-        self._cycle = backend("rust").Cycle(coarsened, made[-1].A, twice)
+        self._cycle = backend("rust").Cycle(coarsened, made[-1].A, twice, threads)
 
     def __repr__(self) -> str:
         return f"Solver(unknowns {' > '.join(str(stage.A.shape[0]) for stage in self.stages)})"

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::point::NONE;
 use crate::transfer::prolongation::Finer;
 use crate::transfer::rows::{Rows, RowsRef};
-use crate::transfer::{blocks, cycle, filter, galerkin, loose, overlap, prolongation, slow};
+use crate::transfer::{blocks, clusters, cycle, galerkin, loose, overlap, prolongation, slow};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 
@@ -110,13 +110,30 @@ fn py_galerkin<'py>(
     threads: Option<usize>,
 ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
     let (a, p) = (a.view("A")?, p.view("P")?);
-    let (restriction, made) = run(py, threads, None, |_| {
-        let restriction = p.transposed();
-        let made = galerkin::triple(restriction.view(), a, p)?;
-        let made = if least > 0.0 { filter::filtered(made, least)? } else { made };
-        Ok((restriction, made))
-    })?;
+    let (restriction, made) = run(py, threads, None, |_| galerkin::products(a, p, least))?;
     Ok((matrix(py, restriction), matrix(py, made)))
+}
+
+/// The same, and the unknowns of whose errors relaxation between the coarse ones leaves more than `left`.
+#[pyfunction(name = "stage")]
+#[allow(clippy::type_complexity)]
+fn py_stage<'py>(
+    py: Python<'py>,
+    a: PyRows<'py>,
+    p: PyRows<'py>,
+    coarse: PyReadonlyArray1<'py, bool>,
+    least: f64,
+    left: f64,
+    threads: Option<usize>,
+) -> PyResult<(Matrix<'py>, Matrix<'py>, Indices<'py>)> {
+    let (a, p, coarse) = (a.view("A")?, p.view("P")?, coarse.as_slice()?);
+    let ((restriction, made), slow) = run(py, threads, None, |_| {
+        // sweeps take one thread, products what is left
+        let (slow, made) = rayon::join(|| slow::slow(a, coarse, left), || galerkin::products(a, p, least));
+        Ok((made?, slow?))
+    })?;
+    let slow = slow.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py);
+    Ok((matrix(py, restriction), matrix(py, made), slow))
 }
 
 /// `a` without the weak blocks between nodes, which `first` names the first of `size` unknowns of.
@@ -164,6 +181,23 @@ fn py_slow<'py>(
     Ok(made.into_iter().map(i64::from).collect::<Vec<_>>().into_pyarray(py))
 }
 
+/// Unknowns that are relaxed together: the clusters, one after the other, and where each one starts.
+#[pyfunction(name = "clusters")]
+fn py_clusters<'py>(py: Python<'py>, a: PyRows<'py>, threads: Option<usize>) -> PyResult<(Indices<'py>, Indices<'py>)> {
+    let a = a.view("A")?;
+    let made = run(py, threads, None, |_| {
+        let diagonal: Vec<f64> = (0..a.len()).map(|i| a.entry(i, i)).collect();
+        Ok(clusters::clusters(a, &diagonal))
+    })?;
+    let mut ends = vec![0];
+    ends.extend(made.iter().scan(0, |end, cluster| {
+        *end += cluster.0.len() as i64;
+        Some(*end)
+    }));
+    let unknowns = made.into_iter().flat_map(|cluster| cluster.0).map(i64::from).collect::<Vec<_>>();
+    Ok((unknowns.into_pyarray(py), ends.into_pyarray(py)))
+}
+
 type PyStage<'py> = (PyRows<'py>, PyRows<'py>, PyRows<'py>, PyReadonlyArray1<'py, i64>);
 
 /// A V-cycle on matrices that `coarsen.galerkin` made.
@@ -176,14 +210,20 @@ struct Cycle {
 impl Cycle {
     /// `stages` are (A, P, R, slow unknowns), finest first; `coarsest` is the last A.
     #[new]
-    #[pyo3(signature = (stages, coarsest, twice=None))]
-    fn new(py: Python<'_>, stages: Vec<PyStage<'_>>, coarsest: PyRows<'_>, twice: Option<usize>) -> PyResult<Self> {
+    #[pyo3(signature = (stages, coarsest, twice=None, threads=None))]
+    fn new(
+        py: Python<'_>,
+        stages: Vec<PyStage<'_>>,
+        coarsest: PyRows<'_>,
+        twice: Option<usize>,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
         let mut made = Vec::new();
         for (a, p, r, slow) in &stages {
             made.push((a.view("A")?, p.view("P")?, r.view("R")?, slow.as_slice()?));
         }
         let last = coarsest.view("A")?;
-        Ok(Self { inner: py.detach(|| cycle::Cycle::new(&made, last, twice))? })
+        Ok(Self { inner: run(py, threads, None, |_| cycle::Cycle::new(&made, last, twice))? })
     }
 
     /// The solution, and the norms of the residuals.
@@ -222,7 +262,9 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(py_overlap, m)?)?;
     m.add_function(wrap_pyfunction!(py_extended, m)?)?;
     m.add_function(wrap_pyfunction!(py_slow, m)?)?;
+    m.add_function(wrap_pyfunction!(py_stage, m)?)?;
     m.add_function(wrap_pyfunction!(py_filtered_blocks, m)?)?;
+    m.add_function(wrap_pyfunction!(py_clusters, m)?)?;
     m.add_class::<Cycle>()?;
     m.add_function(wrap_pyfunction!(py_galerkin, m)?)
 }

@@ -20,12 +20,14 @@ impl Cholesky {
             columns.iter().zip(values).for_each(|(&j, value)| lower[i * size + j as usize] += value);
         }
         for i in 0..size {
+            // what is left of a singular matrix is rounding, of either sign
+            let rounding = size as f64 * f64::EPSILON * lower[i * size + i];
             for j in 0..=i {
                 let (row, other) = (&lower[i * size..i * size + j], &lower[j * size..j * size + j]);
                 let left = lower[i * size + j] - row.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
                 lower[i * size + j] = if i > j {
                     left / lower[j * size + j]
-                } else if left > 0.0 {
+                } else if left > rounding {
                     left.sqrt()
                 } else {
                     let text = "the coarsest matrix is not positive definite: hold an unknown, or use another solver";
@@ -51,5 +53,33 @@ impl Cholesky {
             }
         }
         y.into_iter().enumerate().for_each(|(i, y)| set(i, y as f32));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transfer::rows::Rows;
+
+    #[test]
+    fn singular_matrices_are_refused_whatever_the_rounding() {
+        let n = 30;
+        for seed in 1..50u32 {
+            // couplings of a complete graph; rows sum to 0
+            let coupling = |i: usize, j: usize| f64::from((seed * (i * j + i + j) as u32) % 97) / 97.0;
+            let mut data = vec![0.0; n * n];
+            for i in 0..n {
+                for j in (0..n).filter(|&j| j != i) {
+                    data[i * n + j] = -coupling(i, j);
+                    data[i * n + i] += coupling(i, j);
+                }
+            }
+            let indptr = (0..=n).map(|i| (i * n) as i32).collect();
+            let indices = (0..n * n).map(|k| (k % n) as i32).collect();
+            let mut a = Rows { columns: n, indptr, indices, data };
+            assert!(Cholesky::new(a.view()).is_err(), "{seed}");
+            a.data[0] += 1e-6;
+            assert!(Cholesky::new(a.view()).is_ok(), "{seed}");
+        }
     }
 }

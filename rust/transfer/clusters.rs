@@ -1,18 +1,25 @@
 //! Clusters: a few unknowns that are coupled so strongly that relaxing them one by one gets nowhere.
 //!
-//! In needles, two or three unknowns are all but one for the matrix: a_ij² nears a_ii a_jj. They are relaxed together,
-//! by the inverse of their own block.
+//! In needles, two or three unknowns are all but one for the matrix: a_ij² nears a_ii a_jj. Across flat cells, as in boundary
+//! layers, unknowns are coupled along lines: a_ij² nears a_ii a_jj / 4. Pieces of such lines are clusters, too. All are
+//! relaxed together, by the inverse of their own block.
 
 use super::cholesky::Cholesky;
 use super::rows::{Rows, RowsRef};
 use rayon::prelude::*;
 
-/// Two unknowns are in a cluster if a_ij² is over this share of a_ii a_jj. It is at most 1/16 within, and 1/8 along the
-/// boundary, where triangles are right and isosceles.
-const STRONG: f64 = 0.3;
+/// Two unknowns may be in a cluster if a_ij² is over this share of a_ii a_jj. It is at most 1/16 within, and 1/8 along the
+/// boundary, where triangles are right and isosceles; on a lattice of rectangles, those of ratio 3 have it.
+const STRONG: f64 = 0.2;
+
+/// A cluster has a share over this, or is a piece of a line: it has `LINE` unknowns.
+const STRONGEST: f64 = 0.3;
+
+/// Unknowns of a piece of a line at least. Irregular meshes have single pairs with a share over `STRONG` all over.
+const LINE: usize = 4;
 
 /// Unknowns of a cluster at most.
-const MOST: usize = 8;
+const MOST: usize = 16;
 
 /// Rows that one thread takes at a time.
 const PART: usize = 8192;
@@ -30,11 +37,12 @@ pub fn clusters(a: RowsRef<'_>, diagonal: &[f64]) -> Vec<(Vec<u32>, Cholesky)> {
         .collect();
     pairs.sort_by(|p, q| q.0.total_cmp(&p.0).then((p.1, p.2).cmp(&(q.1, q.2))));
     let mut of = std::collections::BTreeMap::new();
-    let mut sets: Vec<Vec<u32>> = Vec::new();
-    for (_, i, j) in pairs {
+    let (mut sets, mut strongest): (Vec<Vec<u32>>, Vec<f64>) = (Vec::new(), Vec::new());
+    for (share, i, j) in pairs {
         let mut set_of = |i: u32| {
             *of.entry(i).or_insert_with(|| {
                 sets.push(vec![i]);
+                strongest.push(0.0);
                 sets.len() - 1
             })
         };
@@ -43,9 +51,14 @@ pub fn clusters(a: RowsRef<'_>, diagonal: &[f64]) -> Vec<(Vec<u32>, Cholesky)> {
             let moved = std::mem::take(&mut sets[other]);
             moved.iter().for_each(|&k| _ = of.insert(k, one));
             sets[one].extend(moved);
+            strongest[one] = share.max(strongest[one]).max(strongest[other]);
         }
     }
-    let factored = sets.into_iter().filter(|set| set.len() > 1).filter_map(|mut set| {
+    let sets = sets
+        .into_iter()
+        .zip(strongest)
+        .filter(|(set, share)| set.len() >= LINE || (set.len() > 1 && *share > STRONGEST));
+    let factored = sets.filter_map(|(mut set, _)| {
         set.sort_unstable();
         let block = block(a, &set);
         // a block that is not positive definite is left to the sweeps
@@ -70,7 +83,7 @@ mod tests {
         // 0 and 1 and 2 in a row, 3 alone; 4 and 5 would make a block that is not positive definite
         let mut dense = [[0.0; 6]; 6];
         (0..6).for_each(|i| dense[i][i] = 1.0);
-        for (i, j, v) in [(0, 1, -0.7), (1, 2, 0.6), (2, 3, -0.5), (4, 5, -1.1)] {
+        for (i, j, v) in [(0, 1, -0.7), (1, 2, 0.6), (2, 3, -0.4), (4, 5, -1.1)] {
             (dense[i][j], dense[j][i]) = (v, v);
         }
         let a = Rows {
@@ -81,6 +94,21 @@ mod tests {
         };
         let found: Vec<Vec<u32>> = clusters(a.view(), &[1.0; 6]).into_iter().map(|cluster| cluster.0).collect();
         assert_eq!(found, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn pieces_of_lines_are_clusters_and_single_pairs_are_not() {
+        // a line of 4, and a pair that is coupled as strongly
+        let n = 6;
+        let mut dense = vec![0.0; n * n];
+        (0..n).for_each(|i| dense[i * n + i] = 1.0);
+        for (i, j) in [(0, 1), (1, 2), (2, 3), (4, 5)] {
+            (dense[i * n + j], dense[j * n + i]) = (-0.48, -0.48);
+        }
+        let indptr = (0..=n).map(|i| (i * n) as i32).collect();
+        let a = Rows { columns: n, indptr, indices: (0..n * n).map(|k| (k % n) as i32).collect(), data: dense };
+        let found: Vec<Vec<u32>> = clusters(a.view(), &[1.0; 6]).into_iter().map(|cluster| cluster.0).collect();
+        assert_eq!(found, [[0, 1, 2, 3]]);
     }
 
     #[test]

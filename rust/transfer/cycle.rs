@@ -10,7 +10,7 @@
 use super::cholesky::Cholesky;
 use super::clusters::clusters;
 use super::order::Order;
-use super::rows::RowsRef;
+use super::rows::{RowsRef, parts};
 use crate::error::Error;
 use crate::progress::Progress;
 use rayon::prelude::*;
@@ -20,44 +20,80 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 /// Entries of a vector that one thread takes at a time; scalar products are sums over these parts, in order.
 const PART: usize = 8192;
 
-/// A matrix by rows in single precision.
+/// A matrix by rows in single precision: columns and values.
 struct Single {
-    indptr: Vec<u32>,
-    indices: Vec<u32>,
-    values: Vec<f32>,
+    starts: Vec<u32>,
+    entries: Vec<(u32, f32)>,
 }
 
 impl Single {
+    /// A matrix in a new order.
     fn new(rows: RowsRef<'_>, order: &Order, columns: &Order) -> Self {
-        let row = |i: usize| rows.row(order.old_of(i));
-        let all = || (0..rows.len()).into_par_iter().with_min_len(PART);
-        let mut indptr = Vec::with_capacity(rows.len() + 1);
-        indptr.push(0);
-        let mut end = 0;
-        indptr.extend((0..rows.len()).map(|i| {
-            end += row(i).0.len() as u32;
-            end
-        }));
-        let indices = all().flat_map_iter(|i| row(i).0.iter().map(|&j| columns.new_of(j as usize) as u32)).collect();
-        let values = all().flat_map_iter(|i| row(i).1.iter().map(|&value| value as f32)).collect();
-        Self { indptr, indices, values }
+        let [all] = Self::split(rows, order, columns, |_, _| 0);
+        all
     }
 
-    #[inline(always)]
-    fn row(&self, i: usize) -> (&[u32], &[f32]) {
-        let range = self.indptr[i] as usize..self.indptr[i + 1] as usize;
-        (&self.indices[range.clone()], &self.values[range])
+    /// Matrices of the entries of each part, by what `part(new row, new column)` says; N for none.
+    fn split<const N: usize>(
+        rows: RowsRef<'_>,
+        order: &Order,
+        columns: &Order,
+        part: impl Fn(usize, usize) -> usize + Sync,
+    ) -> [Self; N] {
+        let row = |i: usize| {
+            let (indices, values) = rows.row(order.old_of(i));
+            indices.iter().map(|&j| columns.new_of(j as usize)).zip(values)
+        };
+        let count = |i: usize| {
+            let mut counts = [0; N];
+            row(i).for_each(|(j, _)| {
+                if let Some(count) = counts.get_mut(part(i, j)) {
+                    *count += 1
+                }
+            });
+            counts
+        };
+        let counts: Vec<[u32; N]> = (0..rows.len()).into_par_iter().with_min_len(PART).map(count).collect();
+        let mut made: [Self; N] = std::array::from_fn(|k| {
+            let mut starts = Vec::with_capacity(rows.len() + 1);
+            starts.push(0);
+            starts.extend(counts.iter().scan(0, |end, count| {
+                *end += count[k];
+                Some(*end)
+            }));
+            Self { entries: vec![(0, 0.0); starts[rows.len()] as usize], starts }
+        });
+        let sizes = |k: usize| counts.chunks(PART).map(move |rows| rows.iter().map(|row| row[k] as usize).sum());
+        let mut places: Vec<[&mut [(u32, f32)]; N]> = Vec::new();
+        places.resize_with(counts.len().div_ceil(PART), || std::array::from_fn(|_| Default::default()));
+        for (k, made) in made.iter_mut().enumerate() {
+            let cut = parts(&mut made.entries, &sizes(k).collect::<Vec<_>>());
+            cut.into_iter().zip(&mut places).for_each(|(slice, place)| place[k] = slice);
+        }
+        places.into_par_iter().enumerate().for_each(|(chunk, places)| {
+            let mut filled = [0; N];
+            for i in chunk * PART..((chunk + 1) * PART).min(rows.len()) {
+                for (j, &value) in row(i) {
+                    let k = part(i, j);
+                    if k < N {
+                        places[k][filled[k]] = (j as u32, value as f32);
+                        filled[k] += 1;
+                    }
+                }
+            }
+        });
+        made
     }
 
     #[inline(always)]
     fn row_times(&self, i: usize, x: &Vector) -> f32 {
-        let (columns, values) = self.row(i);
-        columns.iter().zip(values).map(|(&j, a)| a * x.get(j as usize)).sum()
+        let row = &self.entries[self.starts[i] as usize..self.starts[i + 1] as usize];
+        row.iter().map(|&(j, value)| value * x.get(j as usize)).sum()
     }
 
     /// `y_i = change(i, (self x)_i)`.
     fn apply(&self, x: &Vector, y: &Vector, change: impl Fn(usize, f32) -> f32 + Sync) {
-        let rows = (0..self.indptr.len() - 1).into_par_iter().with_min_len(PART);
+        let rows = (0..self.starts.len() - 1).into_par_iter().with_min_len(PART);
         rows.for_each(|i| y.set(i, change(i, self.row_times(i, x))));
     }
 }
@@ -85,15 +121,20 @@ impl Vector {
     }
 }
 
+type Cluster = (Vec<u32>, Cholesky);
+
 /// One level but the coarsest.
 struct Level {
     order: Order,
-    a: Single,
+    diagonal: Vec<f32>,
     inverse: Vec<f32>,
+    /// Left and right of the diagonal: the way back of a sweep needs the right only.
+    lower: Single,
+    upper: Single,
     /// Unknowns that are swept once more, ascending in their new numbers.
     slow: Vec<u32>,
-    /// Unknowns that are relaxed together.
-    clusters: Vec<(Vec<u32>, Cholesky)>,
+    /// Unknowns that are relaxed together: by the block that they lie in, and in the end those in several or the seam.
+    clusters: Vec<Vec<Cluster>>,
     p: Single,
     r: Single,
 }
@@ -142,16 +183,19 @@ impl Cycle {
             let order = orders.next().unwrap_or_default();
             let plain = Order::default();
             let below = orders.peek().unwrap_or(&plain);
-            let inverse = (0..a.len()).map(|i| (1.0 / diagonal[order.old_of(i)]) as f32).collect();
             if slow.iter().any(|&i| usize::try_from(i).map_or(true, |i| i >= a.len())) {
                 return Err(Error::Argument("'slow' names an unknown that is not there".into()));
             }
             let mut slow: Vec<u32> = slow.iter().map(|&i| order.new_of(i as usize) as u32).collect();
             slow.sort_unstable();
-            let mut clusters = clusters(*a, &diagonal);
-            clusters.iter_mut().flat_map(|cluster| &mut cluster.0).for_each(|i| *i = order.new_of(*i as usize) as u32);
+            let clusters = by_block(clusters(*a, &diagonal), &order);
             let (p, r) = (Single::new(*p, &order, below), Single::new(*r, below, &order));
-            levels.push(Level { a: Single::new(*a, &order, &order), order, inverse, slow, clusters, p, r });
+            let side = |i: usize, j: usize| if i == j { 2 } else { usize::from(j > i) };
+            let [lower, upper] = Single::split(*a, &order, &order, side);
+            let own = || (0..a.len()).into_par_iter().with_min_len(PART).map(|i| diagonal[order.old_of(i)]);
+            let (inverse, diagonal) =
+                (own().map(|own| (1.0 / own) as f32).collect(), own().map(|own| own as f32).collect());
+            levels.push(Level { order, diagonal, inverse, lower, upper, slow, clusters, p, r });
         }
         if coarsest.len() != size || coarsest.columns != size {
             return Err(Error::Argument("the coarsest matrix does not fit".into()));
@@ -166,122 +210,176 @@ impl Cycle {
 
     fn spaces(&self) -> Vec<Space> {
         let space = |n: usize| Space { b: Vector::zeros(n), x: Vector::zeros(n), residual: Vector::zeros(n) };
-        let sizes = self.levels.iter().map(|level| level.inverse.len());
+        let sizes = self.levels.iter().map(|level| level.diagonal.len());
         sizes.chain([self.coarsest.size]).map(space).collect()
     }
 
-    /// `z` = one cycle on `r` from 0.
-    fn precondition(&self, r: &[f64], z: &mut [f64], spaces: &[Space]) {
-        // so that small residuals do not leave the range of single precision
-        let scale = dot(r, r).sqrt();
-        if scale == 0.0 {
+    /// `z` = one cycle on `r`, whose norm is given, from 0; returns the scalar products of `z` with two others.
+    fn precondition(&self, r: &[f64], norm: f64, z: &mut [f64], others: [&[f64]; 2], spaces: &[Space]) -> [f64; 2] {
+        if norm == 0.0 {
             z.fill(0.0);
-            return;
+            return [0.0; 2];
         }
         let plain = Order::default();
         let order = self.levels.first().map_or(&plain, |level| &level.order);
-        spaces[0].b.fill(|i| (r[order.old_of(i)] / scale) as f32);
-        spaces[0].x.fill(|_| 0.0);
-        self.descend(0, spaces);
+        // so that small residuals do not leave the range of single precision
+        spaces[0].b.fill(|i| (r[order.old_of(i)] / norm) as f32);
+        self.descend(0, true, spaces);
         let x = &spaces[0].x;
-        let z = z.par_iter_mut().with_min_len(PART).enumerate();
-        z.for_each(|(i, z)| *z = f64::from(x.get(order.new_of(i))) * scale);
+        let parts = z.par_chunks_mut(PART).zip(others[0].par_chunks(PART)).zip(others[1].par_chunks(PART)).enumerate();
+        sums(parts.map(|(part, ((z, one), two))| {
+            let mut sums = [0.0; 2];
+            for (k, z) in z.iter_mut().enumerate() {
+                *z = f64::from(x.get(order.new_of(part * PART + k))) * norm;
+                sums[0] += *z * one[k];
+                sums[1] += *z * two[k];
+            }
+            sums
+        }))
     }
 
-    /// One cycle on `x`, from the values it has.
-    fn descend(&self, depth: usize, spaces: &[Space]) {
+    /// One cycle on `x`, from 0 or from the values it has.
+    fn descend(&self, depth: usize, from_zero: bool, spaces: &[Space]) {
         let Space { b, x, residual } = &spaces[depth];
         let Some(level) = self.levels.get(depth) else {
             return self.coarsest.solve(|i| b.get(i), |i, value| x.set(i, value));
         };
         let below = &spaces[depth + 1];
-        level.sweep(b, x, false);
-        level.sweep(b, x, true);
-        level.relax_clusters(b, x);
-        level.a.apply(x, residual, |i, sum| b.get(i) - sum);
+        level.sweep(&spaces[depth], from_zero);
+        level.sweep_slow(&spaces[depth]);
+        level.relax_clusters(&spaces[depth]);
+        residual.fill(|i| b.get(i) - level.row_times(i, x));
         level.r.apply(residual, &below.b, |_, sum| sum);
-        below.x.fill(|_| 0.0);
-        for _ in 0..if self.twice == Some(depth + 1) { 2 } else { 1 } {
-            self.descend(depth + 1, spaces);
+        self.descend(depth + 1, true, spaces);
+        if self.twice == Some(depth + 1) {
+            self.descend(depth + 1, false, spaces);
         }
         level.p.apply(&below.x, x, |i, sum| x.get(i) + sum);
-        level.relax_clusters(b, x);
-        level.sweep(b, x, true);
-        level.sweep(b, x, false);
+        level.relax_clusters(&spaces[depth]);
+        level.sweep_slow(&spaces[depth]);
+        level.sweep(&spaces[depth], false);
     }
 }
 
 impl Level {
-    /// A symmetric sweep, over all unknowns or the slow ones.
-    fn sweep(&self, b: &Vector, x: &Vector, slow: bool) {
-        if slow && self.slow.is_empty() {
+    #[inline(always)]
+    fn row_times(&self, i: usize, x: &Vector) -> f32 {
+        self.diagonal[i] * x.get(i) + self.lower.row_times(i, x) + self.upper.row_times(i, x)
+    }
+
+    /// A symmetric sweep. From 0, nothing right of the diagonal counts on the way there.
+    fn sweep(&self, space: &Space, from_zero: bool) {
+        let ends = &self.order.ends;
+        let start = |k: usize| if k == 0 { 0 } else { ends[k - 1] };
+        let there = |rows: Range<usize>| {
+            if from_zero { self.there::<true>(space, rows) } else { self.there::<false>(space, rows) }
+        };
+        let seam = ends.last().copied().unwrap_or(0)..self.diagonal.len();
+        (0..ends.len()).into_par_iter().for_each(|k| there(start(k)..ends[k]));
+        there(seam.clone());
+        self.back(space, seam);
+        (0..ends.len()).into_par_iter().for_each(|k| self.back(space, start(k)..ends[k]));
+    }
+
+    /// A symmetric sweep over the slow unknowns.
+    fn sweep_slow(&self, space: &Space) {
+        if self.slow.is_empty() {
             return;
         }
-        let ends = &self.order.ends;
-        let seam = ends.last().copied().unwrap_or(0)..self.inverse.len();
-        let blocks = |forward: bool| {
-            (0..ends.len()).into_par_iter().for_each(|k| {
-                let start = if k == 0 { 0 } else { ends[k - 1] };
-                self.relax(b, x, start..ends[k], slow, forward);
-            });
-        };
-        blocks(true);
-        self.relax(b, x, seam.clone(), slow, true);
-        self.relax(b, x, seam, slow, false);
-        blocks(false);
+        let mut cuts = vec![0];
+        cuts.extend(self.order.ends.iter().map(|&end| self.slow.partition_point(|&k| (k as usize) < end)));
+        let blocks = || cuts.par_windows(2).map(|cut| self.slow[cut[0]..cut[1]].iter().map(|&i| i as usize));
+        let seam = || self.slow[cuts[cuts.len() - 1]..].iter().map(|&i| i as usize);
+        blocks().for_each(|rows| self.there::<false>(space, rows));
+        self.there::<false>(space, seam());
+        self.back(space, seam());
+        blocks().for_each(|rows| self.back(space, rows));
     }
 
-    /// Half a symmetric sweep over some rows, or the slow ones of them.
-    fn relax(&self, b: &Vector, x: &Vector, rows: Range<usize>, slow: bool, forward: bool) {
-        if slow {
-            let place = |i: usize| self.slow.partition_point(|&k| (k as usize) < i);
-            let slow = &self.slow[place(rows.start)..place(rows.end)];
-            self.relax_each(b, x, slow.iter().map(|&i| i as usize), forward);
-        } else {
-            self.relax_each(b, x, rows, forward);
+    /// The way there of a sweep, over some rows; keeps what it sees of the right-hand side left of the diagonal, for the
+    /// way back.
+    #[inline(always)]
+    fn there<const FROM_ZERO: bool>(&self, Space { b, x, residual }: &Space, rows: impl Iterator<Item = usize>) {
+        for i in rows {
+            let left = b.get(i) - self.lower.row_times(i, x);
+            residual.set(i, left);
+            x.set(i, (if FROM_ZERO { left } else { left - self.upper.row_times(i, x) }) * self.inverse[i]);
         }
     }
 
-    /// Relaxes each cluster, there and back.
-    fn relax_clusters(&self, b: &Vector, x: &Vector) {
-        let mut residual = Vec::new();
-        for (rows, factor) in self.clusters.iter().chain(self.clusters.iter().rev()) {
+    /// The way back: left of the diagonal nothing has changed since the way there (Conrad and Wallach 1979).
+    #[inline(always)]
+    fn back(&self, Space { x, residual, .. }: &Space, rows: impl DoubleEndedIterator<Item = usize>) {
+        for i in rows.rev() {
+            x.set(i, (residual.get(i) - self.upper.row_times(i, x)) * self.inverse[i]);
+        }
+    }
+
+    /// Relaxes each cluster, there and back; those of different blocks at the same time.
+    fn relax_clusters(&self, Space { b, x, .. }: &Space) {
+        let Some((several, blocks)) = self.clusters.split_last() else { return };
+        let relax = |(rows, factor): &Cluster| {
             let row = |k: usize| rows[k] as usize;
-            residual.clear();
-            residual.extend((0..rows.len()).map(|k| b.get(row(k)) - self.a.row_times(row(k), x)));
+            let residual: Vec<f32> = (0..rows.len()).map(|k| b.get(row(k)) - self.row_times(row(k), x)).collect();
             factor.solve(|k| residual[k], |k, change| x.set(row(k), x.get(row(k)) + change));
-        }
-    }
-
-    fn relax_each(&self, b: &Vector, x: &Vector, rows: impl DoubleEndedIterator<Item = usize>, forward: bool) {
-        let relax = |i: usize| x.set(i, x.get(i) + (b.get(i) - self.a.row_times(i, x)) * self.inverse[i]);
-        if forward {
-            rows.for_each(relax);
-        } else {
-            rows.rev().for_each(relax);
-        }
+        };
+        blocks.par_iter().for_each(|clusters| clusters.iter().for_each(relax));
+        several.iter().for_each(relax);
+        several.iter().rev().for_each(relax);
+        blocks.par_iter().for_each(|clusters| clusters.iter().rev().for_each(relax));
     }
 }
 
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    let parts = x.par_chunks(PART).zip(y.par_chunks(PART));
-    let sums: Vec<f64> = parts.map(|(x, y)| x.iter().zip(y).map(|(a, b)| a * b).sum()).collect();
-    sums.iter().sum()
+/// Clusters in new numbers, by the block of an order that they lie in, and in the end the others; nothing if there is none.
+fn by_block(clusters: Vec<Cluster>, order: &Order) -> Vec<Vec<Cluster>> {
+    let ends = &order.ends;
+    let mut made: Vec<Vec<Cluster>> = Vec::new();
+    for (mut rows, factor) in clusters {
+        rows.iter_mut().for_each(|i| *i = order.new_of(*i as usize) as u32);
+        let block = |i: u32| ends.partition_point(|&end| end <= i as usize);
+        let first = block(rows[0]);
+        let place = if rows.iter().all(|&i| block(i) == first) { first } else { ends.len() };
+        made.resize_with(ends.len() + 1, Vec::new);
+        made[place].push((rows, factor));
+    }
+    made
 }
 
-/// `y += scale x`.
-fn add(y: &mut [f64], scale: f64, x: &[f64]) {
-    let parts = y.par_chunks_mut(PART).zip(x.par_chunks(PART));
-    parts.for_each(|(y, x)| y.iter_mut().zip(x).for_each(|(y, x)| *y += scale * x));
+/// Sums of parts, in their order.
+fn sums<const N: usize>(parts: impl IndexedParallelIterator<Item = [f64; N]>) -> [f64; N] {
+    let parts: Vec<[f64; N]> = parts.collect();
+    std::array::from_fn(|k| parts.iter().map(|part| part[k]).sum())
 }
 
-fn product(a: RowsRef<'_>, x: &[f64], y: &mut [f64]) {
-    y.par_chunks_mut(PART).enumerate().for_each(|(part, y)| {
-        for (k, value) in y.iter_mut().enumerate() {
-            let (columns, values) = a.row(part * PART + k);
-            *value = columns.iter().zip(values).map(|(&j, a)| a * x[j as usize]).sum();
+fn norm(x: &[f64]) -> f64 {
+    let [sum] = sums(x.par_chunks(PART).map(|x| [x.iter().map(|x| x * x).sum()]));
+    sum.sqrt()
+}
+
+/// `y = a x`; returns the scalar product of both.
+fn product(a: RowsRef<'_>, x: &[f64], y: &mut [f64]) -> f64 {
+    let [sum] = sums(y.par_chunks_mut(PART).enumerate().map(|(part, y)| {
+        let mut sum = 0.0;
+        for (i, y) in (part * PART..).zip(y) {
+            let (columns, values) = a.row(i);
+            *y = columns.iter().zip(values).map(|(&j, a)| a * x[j as usize]).sum();
+            sum += *y * x[i];
         }
-    });
+        [sum]
+    }));
+    sum
+}
+
+/// `x += scale p` and `r -= scale q`; returns the norm of `r`.
+fn step(scale: f64, (x, p): (&mut [f64], &[f64]), (r, q): (&mut [f64], &[f64])) -> f64 {
+    let left = x.par_chunks_mut(PART).zip(p.par_chunks(PART));
+    let right = r.par_chunks_mut(PART).zip(q.par_chunks(PART));
+    let [sum] = sums(left.zip(right).map(|((x, p), (r, q))| {
+        x.iter_mut().zip(p).for_each(|(x, p)| *x += scale * p);
+        r.iter_mut().zip(q).for_each(|(r, q)| *r -= scale * q);
+        [r.iter().map(|r| r * r).sum()]
+    }));
+    sum.sqrt()
 }
 
 /// What an iteration aims at.
@@ -309,37 +407,32 @@ pub fn solve(
     }
     let spaces = cycle.spaces();
     let (mut x, mut r, mut z) = (vec![0.0; n], b.to_vec(), vec![0.0; n]);
-    let (mut p, mut q, mut last) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let mut norms = vec![dot(&r, &r).sqrt()];
+    let (mut p, mut q) = (vec![0.0; n], vec![0.0; n]);
+    let mut norms = vec![norm(&r)];
     let wanted = goal.tolerance * norms[0];
-    let mut rho = 1.0;
+    let mut curvature = 1.0;
     for k in 0..goal.iterations {
         if norms[k] <= wanted {
             break;
         }
         progress.check()?;
-        cycle.precondition(&r, &mut z, &spaces);
+        let [rho, change] = cycle.precondition(&r, norms[k], &mut z, [&r, &q], &spaces);
         if goal.accelerated {
-            // Polak and Ribière's form bears a preconditioner that is symmetric up to single precision only
-            let old = rho;
-            rho = dot(&r, &z);
-            let beta = if k == 0 { 0.0 } else { (rho - dot(&last, &z)) / old };
+            // Polak and Ribière's form bears a preconditioner that is symmetric up to single precision only; residuals
+            // differ by alpha q, and alpha is the old rho / (p . q)
+            let beta = -change / curvature;
             let parts = p.par_chunks_mut(PART).zip(z.par_chunks(PART));
             parts.for_each(|(p, z)| p.iter_mut().zip(z).for_each(|(p, z)| *p = z + beta * *p));
-            product(a, &p, &mut q);
-            let alpha = rho / dot(&p, &q);
+            curvature = product(a, &p, &mut q);
+            let alpha = rho / curvature;
             if !alpha.is_finite() {
                 break;
             }
-            last.copy_from_slice(&r);
-            add(&mut x, alpha, &p);
-            add(&mut r, -alpha, &q);
+            norms.push(step(alpha, (&mut x, &p), (&mut r, &q)));
         } else {
-            add(&mut x, 1.0, &z);
             product(a, &z, &mut q);
-            add(&mut r, -1.0, &q);
+            norms.push(step(1.0, (&mut x, &z), (&mut r, &q)));
         }
-        norms.push(dot(&r, &r).sqrt());
     }
     Ok((x, norms))
 }
@@ -350,6 +443,6 @@ pub fn precondition(cycle: &Cycle, r: &[f64]) -> Result<Vec<f64>, Error> {
         return Err(Error::Argument(format!("'r' has {} entries, expected {}", r.len(), cycle.size())));
     }
     let mut z = vec![0.0; r.len()];
-    cycle.precondition(r, &mut z, &cycle.spaces());
+    cycle.precondition(r, norm(r), &mut z, [r, r], &cycle.spaces());
     Ok(z)
 }

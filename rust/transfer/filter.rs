@@ -19,13 +19,26 @@ use rayon::prelude::*;
 /// Rows that one thread looks at at a time.
 const CHUNK: usize = 1024;
 
-/// A coupling that is left out.
+/// No entry.
+const NONE: u32 = u32::MAX;
+
+/// A coupling that is left out, given by where entries stand.
 struct Weak {
-    ends: [usize; 2],
-    /// The neighbour that it goes over, if it is none that repels.
-    over: Option<usize>,
+    ends: [u32; 2],
+    /// Of the rows of both ends and the columns of the other one.
+    entries: [u32; 2],
+    over: Option<Way>,
     /// Mean of both entries.
     half: f64,
+}
+
+/// The way over a neighbour k that does not repel.
+struct Way {
+    k: u32,
+    /// From both ends to k.
+    there: [u32; 2],
+    /// From k to both ends.
+    back: [u32; 2],
 }
 
 /// The square matrix without its couplings with `|a_ij|` and `|a_ji| < least · sqrt(a_ii a_jj)`.
@@ -33,84 +46,105 @@ struct Weak {
 /// Runtime: O(entries + weak entries · entries of a row); what is weak is found in parallel.
 pub fn filtered(mut a: Rows, least: f64) -> Result<Rows, Error> {
     let view = a.view();
-    let diagonal: Vec<Option<usize>> = (0..view.len()).map(|i| place(view, i, i)).collect();
+    let rows = (0..view.len()).into_par_iter().with_min_len(CHUNK);
+    let (diagonal, own): (Vec<u32>, Vec<f64>) =
+        rows.map(|i| place(view, i, i)).map(|at| (at, at_or_0(view, at))).unzip();
     let starts: Vec<usize> = (0..view.len()).step_by(CHUNK).collect();
     let found: Vec<Vec<Weak>> = starts
         .into_par_iter()
         .map(|start| {
+            let mut found = Vec::new();
             let rows = start..(start + CHUNK).min(view.len());
-            rows.flat_map(|i| weak_couplings(view, &diagonal, i, least)).collect()
+            rows.for_each(|i| weak_couplings(view, &own, i, least, &mut found));
+            found
         })
         .collect();
     let mut gone = vec![false; a.data.len()];
-    for Weak { ends: [i, j], over, half } in found.into_iter().flatten() {
-        for (i, j) in [(i, j), (j, i)] {
-            let entry = |a: &Rows, i: usize, j: usize| place(a.view(), i, j);
-            let mut left = 0.0;
-            if let Some(at) = entry(&a, i, j) {
-                gone[at] = true;
-                left += a.data[at];
+    for Weak { ends, entries, over, half } in found.iter().flatten() {
+        for end in 0..2 {
+            let (at, own) = (entries[end], diagonal[ends[end] as usize]);
+            let left = at_or_0(a.view(), at);
+            if at != NONE {
+                gone[at as usize] = true;
             }
-            if let Some(k) = over {
-                for (i, k) in [(i, k), (k, i)] {
-                    let (at, own) = (entry(&a, i, k), diagonal[i]);
-                    if let (Some(at), Some(own)) = (at, own) {
-                        a.data[at] += 2.0 * half;
-                        a.data[own] -= 2.0 * half;
+            if let Some(Way { k, there, back }) = over {
+                for (at, own) in [(there[end], own), (back[end], diagonal[*k as usize])] {
+                    if at != NONE && own != NONE {
+                        a.data[at as usize] += 2.0 * half;
+                        a.data[own as usize] -= 2.0 * half;
                     }
                 }
             }
-            if let Some(own) = diagonal[i] {
-                a.data[own] += left;
+            if own != NONE {
+                a.data[own as usize] += left;
             }
         }
     }
     a.without(&gone)
 }
 
-/// The weak couplings between i and unknowns after it.
-fn weak_couplings(a: RowsRef<'_>, diagonal: &[Option<usize>], i: usize, least: f64) -> Vec<Weak> {
-    let own = |i: usize| diagonal[i].map_or(0.0, |at| a.data[at]);
-    let is_weak = |i: usize, j: usize, size: f64| size * size < least * least * (own(i) * own(j));
+/// Adds the weak couplings between i and unknowns after it.
+fn weak_couplings(a: RowsRef<'_>, own: &[f64], i: usize, least: f64, found: &mut Vec<Weak>) {
+    let bound = |i: usize, j: usize| least * least * (own[i] * own[j]);
+    let is_weak = |i: usize, j: usize, size: f64| size * size < bound(i, j);
     let (columns, values) = a.row(i);
-    let mut found = Vec::new();
-    for (&j, &value) in columns.iter().zip(values) {
-        let j = j as usize;
-        let back = if j > i { place(a, j, i).map_or(0.0, |at| a.data[at]) } else { continue };
-        if !is_weak(i, j, value.abs().max(back.abs())) {
+    for (at, (&column, &value)) in columns.iter().zip(values).enumerate() {
+        let j = column as usize;
+        if j <= i || !is_weak(i, j, value) {
+            continue;
+        }
+        let entry = place(a, j, i);
+        let back = at_or_0(a, entry);
+        if !is_weak(i, j, back) {
             continue;
         }
         let half = (value + back) / 2.0;
-        if half > 0.0 {
-            found.push(Weak { ends: [i, j], over: None, half });
-            continue;
-        }
-        // the common neighbour whose lesser coupling is the strongest; that one must not be weak itself
-        let mut best: Option<(f64, usize)> = None;
-        let (others, strengths) = a.row(j);
-        let mut at = 0;
-        for (&k, &strength) in columns.iter().zip(values) {
-            while at < others.len() && others[at] < k {
-                at += 1;
-            }
-            let (k_index, other) = (k as usize, others.get(at).filter(|&&other| other == k).map(|_| -strengths[at]));
-            let Some(other) = other.filter(|_| k_index != i && k_index != j) else { continue };
-            let lesser = other.min(-strength);
-            if lesser > best.map_or(0.0, |best| best.0)
-                && !is_weak(i, k_index, -strength)
-                && !is_weak(j, k_index, other)
-            {
-                best = Some((lesser, k_index));
-            }
-        }
-        if let Some((_, k)) = best {
-            found.push(Weak { ends: [i, j], over: Some(k), half });
+        let over = if half > 0.0 { None } else { way(a, [i, j], is_weak) };
+        if half > 0.0 || over.is_some() {
+            found.push(Weak {
+                ends: [i as u32, j as u32],
+                entries: [a.indptr[i] as u32 + at as u32, entry],
+                over,
+                half,
+            });
         }
     }
-    found
+}
+
+/// The way over the common neighbour whose lesser coupling is the strongest; that one must not be weak itself.
+fn way(a: RowsRef<'_>, [i, j]: [usize; 2], is_weak: impl Fn(usize, usize, f64) -> bool) -> Option<Way> {
+    let (columns, values) = a.row(i);
+    let (others, strengths) = a.row(j);
+    let (mut best, mut strongest, mut at) = (None, 0.0, 0);
+    for (place, (&k, &strength)) in columns.iter().zip(values).enumerate() {
+        while at < others.len() && others[at] < k {
+            at += 1;
+        }
+        if at == others.len() {
+            break;
+        }
+        let index = k as usize;
+        if others[at] != k || index == i || index == j {
+            continue;
+        }
+        let (one, other) = (-strength, -strengths[at]);
+        let lesser = other.min(one);
+        if lesser > strongest && !is_weak(i, index, one) && !is_weak(j, index, other) {
+            (best, strongest) = (Some((index, [place, at])), lesser);
+        }
+    }
+    best.map(|(k, [one, other])| Way {
+        k: k as u32,
+        there: [(a.indptr[i] as usize + one) as u32, (a.indptr[j] as usize + other) as u32],
+        back: [place(a, k, i), place(a, k, j)],
+    })
 }
 
 /// Where the entry of row i and column j stands.
-fn place(a: RowsRef<'_>, i: usize, j: usize) -> Option<usize> {
-    a.row(i).0.binary_search(&(j as i32)).ok().map(|k| a.indptr[i] as usize + k)
+fn place(a: RowsRef<'_>, i: usize, j: usize) -> u32 {
+    a.row(i).0.binary_search(&(j as i32)).map_or(NONE, |k| a.indptr[i] as u32 + k as u32)
+}
+
+fn at_or_0(a: RowsRef<'_>, at: u32) -> f64 {
+    if at == NONE { 0.0 } else { a.data[at as usize] }
 }

@@ -61,13 +61,16 @@ impl Order {
                 }
             }
         });
-        let in_seam: Vec<bool> = in_seam.into_iter().map(AtomicBool::into_inner).collect();
+        let blocks: Vec<(Vec<u32>, Vec<u32>)> = given
+            .par_chunks(block)
+            .map(|members| members.iter().partition(|&&i| !in_seam[i as usize].load(Relaxed)))
+            .collect();
         let (mut old, mut ends) = (Vec::with_capacity(n), Vec::new());
-        for members in given.chunks(block) {
-            old.extend(members.iter().filter(|&&i| !in_seam[i as usize]));
+        for (members, _) in &blocks {
+            old.extend_from_slice(members);
             ends.push(old.len());
         }
-        old.extend(given.iter().filter(|&&i| in_seam[i as usize]));
+        blocks.iter().for_each(|(_, seam)| old.extend_from_slice(seam));
         let mut new = vec![0; n];
         old.iter().enumerate().for_each(|(k, &i)| new[i as usize] = k as u32);
         Self { old, new, ends }

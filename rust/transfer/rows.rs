@@ -1,6 +1,10 @@
 //! Compressed sparse rows.
 
 use crate::error::Error;
+use rayon::prelude::*;
+
+/// Rows that one thread copies at a time.
+const CHUNK: usize = 4096;
 
 /// A matrix by rows, columns ascending in each, indices as SciPy takes them without a copy.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,31 +51,56 @@ impl Rows {
     }
 
     /// One matrix of blocks of rows, each given by its counts, columns and values.
-    pub fn stacked(columns: usize, blocks: Vec<Block>) -> Result<Rows, Error> {
+    pub fn stacked(columns: usize, mut blocks: Vec<Block>) -> Result<Rows, Error> {
         let indptr = Self::starts(blocks.iter().flat_map(|block| block.counts.iter().map(|&count| count as usize)))?;
-        let entries = indptr[indptr.len() - 1] as usize;
-        let mut indices = Vec::with_capacity(entries);
-        let mut data = Vec::with_capacity(entries);
-        for mut block in blocks {
-            indices.append(&mut block.indices);
-            data.append(&mut block.data);
+        if blocks.len() == 1 {
+            let Block { indices, data, .. } = blocks.remove(0);
+            return Ok(Rows { columns, indptr, indices, data });
         }
+        let entries = indptr[indptr.len() - 1] as usize;
+        let (mut indices, mut data) = (vec![0; entries], vec![0.0; entries]);
+        let sizes: Vec<usize> = blocks.iter().map(|block| block.indices.len()).collect();
+        let places = parts(&mut indices, &sizes).into_par_iter().zip(parts(&mut data, &sizes));
+        places.zip(blocks).for_each(|((indices, data), block)| {
+            indices.copy_from_slice(&block.indices);
+            data.copy_from_slice(&block.data);
+        });
         Ok(Rows { columns, indptr, indices, data })
     }
 
     /// Without the entries that are marked.
     pub fn without(self, gone: &[bool]) -> Result<Rows, Error> {
-        let kept = |i: usize| gone[self.indptr[i] as usize..self.indptr[i + 1] as usize].iter().filter(|gone| !**gone);
-        let indptr = Self::starts((0..self.indptr.len() - 1).map(|i| kept(i).count()))?;
-        let stays = |at: &usize| !gone[*at];
-        let indices = (0..gone.len()).filter(stays).map(|at| self.indices[at]).collect();
-        let data = (0..gone.len()).filter(stays).map(|at| self.data[at]).collect();
+        let row = |i: usize| self.indptr[i] as usize..self.indptr[i + 1] as usize;
+        let rows = (0..self.indptr.len() - 1).into_par_iter().with_min_len(CHUNK);
+        let counts: Vec<usize> = rows.map(|i| gone[row(i)].iter().filter(|gone| !**gone).count()).collect();
+        let indptr = Self::starts(counts.iter().copied())?;
+        let entries = indptr[indptr.len() - 1] as usize;
+        let (mut indices, mut data) = (vec![0; entries], vec![0.0; entries]);
+        let sizes: Vec<usize> = counts.chunks(CHUNK).map(|counts| counts.iter().sum()).collect();
+        let places = parts(&mut indices, &sizes).into_par_iter().zip(parts(&mut data, &sizes));
+        places.enumerate().for_each(|(chunk, (indices, data))| {
+            let rows = chunk * CHUNK..((chunk + 1) * CHUNK).min(counts.len());
+            let kept = (row(rows.start).start..row(rows.end - 1).end).filter(|&at| !gone[at]);
+            for (at, (index, value)) in kept.zip(indices.iter_mut().zip(data)) {
+                (*index, *value) = (self.indices[at], self.data[at]);
+            }
+        });
         Ok(Rows { columns: self.columns, indptr, indices, data })
     }
 }
 
+/// A slice in parts of given sizes.
+pub fn parts<'a, T>(mut rest: &'a mut [T], sizes: &[usize]) -> Vec<&'a mut [T]> {
+    let cut = |&size: &usize| {
+        let (part, more) = std::mem::take(&mut rest).split_at_mut(size);
+        rest = more;
+        part
+    };
+    sizes.iter().map(cut).collect()
+}
+
 /// Some rows of a matrix in the making.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub struct Block {
     /// Entries of each row.
     pub counts: Vec<u32>,
@@ -79,6 +108,15 @@ pub struct Block {
     pub indices: Vec<i32>,
     /// Values.
     pub data: Vec<f64>,
+}
+
+impl Block {
+    /// Takes all rows out; the memory stays.
+    pub fn clear(&mut self) {
+        self.counts.clear();
+        self.indices.clear();
+        self.data.clear();
+    }
 }
 
 impl<'a> RowsRef<'a> {
@@ -91,13 +129,14 @@ impl<'a> RowsRef<'a> {
         data: &'a [f64],
     ) -> Result<Self, Error> {
         let wrong = |what: &str| Err(Error::Argument(format!("'{name}' is no matrix by rows: {what}")));
-        if indptr.first() != Some(&0) || indptr.windows(2).any(|pair| pair[0] > pair[1]) {
+        if indptr.first() != Some(&0) || indptr.windows(2).fold(false, |wrong, pair| wrong | (pair[0] > pair[1])) {
             return wrong("its row starts do not ascend from 0");
         }
         if indptr[indptr.len() - 1] as usize != indices.len() || indices.len() != data.len() {
             return wrong("its arrays differ in length");
         }
-        if indices.iter().any(|&j| j < 0 || j as usize >= columns) {
+        // negative ones are the greatest here; without a branch, for long arrays
+        if indices.iter().fold(0, |most, &j| most.max(j as u32)) as usize >= columns && !indices.is_empty() {
             return wrong("a column is out of range");
         }
         Ok(Self { columns, indptr, indices, data })

@@ -9,7 +9,7 @@ from .line import line_hierarchy
 from .quadtree import quadtree
 from .selection import conflict_graph, independent_set, skeleton_independent_set
 from .spacing import coarsened, nearest, nearest_at, threshold
-from .transfer import galerkin, overlap, prolongation
+from .transfer import galerkin, overlap, prolongation, slow, stage
 from .triangulation import delaunay
 
 __all__ = [
@@ -26,5 +26,7 @@ __all__ = [
     "prolongation",
     "quadtree",
     "skeleton_independent_set",
+    "slow",
+    "stage",
     "threshold",
 ]

@@ -426,6 +426,23 @@ def galerkin(a: Any, p: Any, least: float, _threads: int | None) -> tuple[Rows, 
     return out[0], out[1]
 
 
+def stage(a: Any, p: Any, coarse: Any, least: float, left: float, threads: int | None) -> tuple[Rows, Rows, Ints]:
+    """Return the same, and the unknowns that are slow."""
+    return (*galerkin(a, p, least, threads), slow(a, coarse, left))
+
+
+def slow(a: Any, coarse: Any, left: float) -> Ints:
+    """Return where two symmetric sweeps between the coarse unknowns, which stay 0, leave more of errors of 1."""
+    e = np.where(coarse, 0.0, 1.0)
+    free = np.flatnonzero(~coarse).tolist()
+    for i in 2 * (free + free[::-1]):
+        columns, values = (part[a.indptr[i] : a.indptr[i + 1]] for part in (a.indices, a.data))
+        own = values[columns == i].sum()
+        if own != 0:
+            e[i] -= values @ e[columns] / own
+    return np.flatnonzero(np.abs(e) > left)
+
+
 def _filtered(a: Any, least: float) -> Any:
     """Hand weak couplings w (u_i - u_j)² on to the way over the neighbour k that both are coupled to most.
 
