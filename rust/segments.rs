@@ -110,7 +110,8 @@ impl Oriented {
 /// Squared distance from a point to a segment.
 fn distance_2_to([a, b]: &[Point<2>; 2], p: &Point<2>) -> f64 {
     let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-    let t = (dot(to, along) / dot(along, along)).max(0.0).min(1.0);
+    let length_2 = dot(along, along);
+    let t = if length_2 > 0.0 { (dot(to, along) / length_2).clamp(0.0, 1.0) } else { 0.0 };
     let off = [0, 1].map(|k| to[k] - t * along[k]);
     dot(off, off)
 }

@@ -115,7 +115,7 @@ impl<'a> Sight<'a> {
         let (along, to) = ([b[0] - a[0], b[1] - a[1]], [x[0] - a[0], x[1] - a[1]]);
         let length = (along[0] * along[0] + along[1] * along[1]).sqrt();
         let t = (to[0] * along[0] + to[1] * along[1]) / length / length;
-        let nearest = t.max(0.0).min(1.0);
+        let nearest = t.clamp(0.0, 1.0);
         let away = distance(&to, &[nearest * along[0], nearest * along[1]]);
         let margin = (away / length).min(0.5);
         let t = t.max(margin).min(1.0 - margin);
