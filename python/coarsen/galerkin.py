@@ -43,7 +43,7 @@ SHRINK = 0.6
 DEEP = 0.1
 """Nodes further than this many fine spacings outside of the coarse mesh are loose."""
 
-SLOW = 0.25
+SLOW = 0.2
 """Where relaxation between the coarse unknowns leaves more than this of an error of 1, a cycle needs more of it."""
 
 MOST_GAUGED = 256
