@@ -3,12 +3,12 @@
     python benches/multigrid.py [--sizes 10000 100000] [--meshes FOLDER] [--only NAME ...] [--write docs]
 
 P1 Poisson, random right-hand side, relative residual 1e-8; V-cycles with one symmetric Gauss-Seidel sweep before and
-after, as preconditioner of CG and alone; against PyAMG's two solvers on the same matrix in the same run. The hierarchy
-is tried with the package's own cycle and, on the same stages, with PyAMG's; both sweep the slow unknowns, up to two
-thirds of all, once more; the package's own visits one small level twice where features are dropped. The boundary is held as a
-whole (Dirichlet), in its left half (partial), or at one node only (Neumann); in each part of a mesh that this leaves
-without a held node, one is held, for the matrix would be singular. Each method runs in a process of its own,
-forked when mesh and matrix are there: its memory is the growth of that process's peak.
+after, as preconditioner of CG and alone; against PyAMG's two solvers on the same matrix in the same run. The
+hierarchy is tried with the package's own cycle and, on the same stages, with PyAMG's; both sweep the slow unknowns,
+up to two thirds of all, once more; the package's own visits one small level twice where features are dropped. The
+boundary is held as a whole (Dirichlet), in its left half (partial), or at one node only (Neumann); in each part of a
+mesh that this leaves without a held node, one is held, for the matrix would be singular. Each method runs in a
+process of its own, forked when mesh and matrix are there: its memory is the growth of that process's peak.
 
 A second table is about shapes: coarse operators that are assembled on the coarse meshes instead of Galerkin's, and
 convection-diffusion, with the default levels (angles guarded), the paper's plain ones and the edge-skeleton baseline.

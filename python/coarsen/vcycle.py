@@ -20,8 +20,8 @@ MOST_DENSE = 3000
 """More unknowns than this on the coarsest level are not factored as a dense matrix."""
 
 TWICE = 4
-"""Where features are dropped, the finest stage with at most a quarter of the unknowns is visited twice in a row: what the
-stages below leave of an error adds up from one to the next, most where a lagoon hangs on a narrow neck."""
+"""Where features are dropped, the finest stage with at most a quarter of the unknowns is visited twice in a row: what
+the stages below leave of an error adds up from one to the next, most where a lagoon hangs on a narrow neck."""
 
 
 class Solver:
