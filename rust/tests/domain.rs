@@ -91,42 +91,43 @@ fn is_turned(domain: &Domain, eye: &Point<2>, x: &Point<2>, is_gone: &[bool]) ->
     Some(is_odd)
 }
 
+/// Calls `test` with random legal meshes and their domains: seed, mesh, domain, what sees it, random numbers.
+fn each_domain(mut test: impl FnMut(u64, &Plane, &Domain, &Sight<'_>, &mut Random)) {
+    for seed in 0..SEEN {
+        let Some((plane, options)) = fuzz::draw(seed) else { continue };
+        let domain = Domain::new(&plane.points, &facet_rows(&plane), options.cos_feature).expect("a legal mesh");
+        test(seed, &plane, &domain, &Sight::new(&domain), &mut Random::new(seed));
+    }
+}
+
 #[test]
 fn what_lies_at_a_point_is_what_the_cell_there_says() {
     let mut count = [0; 2];
-    for seed in 0..SEEN {
-        let Some((plane, options)) = fuzz::draw(seed) else { continue };
-        let mut random = Random::new(seed);
-        let domain = Domain::new(&plane.points, &facet_rows(&plane), options.cos_feature).expect("a legal mesh");
-        let sight = Sight::new(&domain);
-        let (eye, _) = middle(&plane, &plane.cells[0]);
-        for x in points_of(&plane, &domain, &mut random) {
-            let Some(expected) = held(&plane, &x) else { continue };
+    each_domain(|seed, plane, domain, sight, random| {
+        let (eye, _) = middle(plane, &plane.cells[0]);
+        for x in points_of(plane, domain, random) {
+            let Some(expected) = held(plane, &x) else { continue };
             assert_eq!(sight.look(&eye, &x, |_| false), expected, "seed {seed} at {x:?}");
             count[usize::from(expected.is_some())] += 1;
         }
-    }
+    });
     assert!(count.iter().all(|&count| count > 1000), "{count:?}");
 }
 
 #[test]
 fn behind_closed_holes_lies_what_a_line_of_sight_tells() {
     let mut count = [0; 2];
-    for seed in 0..SEEN {
-        let Some((plane, options)) = fuzz::draw(seed) else { continue };
-        let mut random = Random::new(seed);
-        let domain = Domain::new(&plane.points, &facet_rows(&plane), options.cos_feature).expect("a legal mesh");
-        let sight = Sight::new(&domain);
+    each_domain(|seed, plane, domain, sight, random| {
         let is_gone: Vec<bool> =
             (0..domain.chains.len() as u32).map(|c| domain.is_hole(c) && random.chance(0.9)).collect();
-        for x in points_of(&plane, &domain, &mut random) {
-            let (eye, is_inside) = middle(&plane, &plane.cells[random.below(plane.cells.len())]);
-            let Some(is_turned) = is_turned(&domain, &eye, &x, &is_gone).filter(|_| is_inside) else { continue };
+        for x in points_of(plane, domain, random) {
+            let (eye, is_inside) = middle(plane, &plane.cells[random.below(plane.cells.len())]);
+            let Some(is_turned) = is_turned(domain, &eye, &x, &is_gone).filter(|_| is_inside) else { continue };
             let seen = sight.look(&eye, &x, |c| is_gone[c as usize]);
             assert_eq!(seen.is_some(), !is_turned, "seed {seed} at {x:?} from {eye:?}");
-            count[usize::from(held(&plane, &x) == Some(None) && !is_turned)] += 1;
+            count[usize::from(held(plane, &x) == Some(None) && !is_turned)] += 1;
         }
-    }
+    });
     assert!(count.iter().all(|&count| count > 50), "{count:?}");
 }
 
