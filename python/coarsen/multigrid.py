@@ -14,7 +14,7 @@ from coarsen import transfer
 from coarsen.backend import backend
 from coarsen.galerkin import Operators, Stage, stages
 from coarsen.mesh import Mesh
-from coarsen.vcycle import TWICE, Solver, solver
+from coarsen.vcycle import Solver, small_stages, solver
 
 if TYPE_CHECKING:
     from pyamg.multilevel import MultilevelSolver
@@ -115,10 +115,8 @@ def pyamg_solver(
     cycles = MultilevelSolver(levels, coarse_solver=coarse_solver)
     change_smoothers(cycles, presmoother, postsmoother)
     if presmoother == postsmoother == SMOOTHER:
-        drops = any(level.dropped is not None for level in hierarchy)
-        for level, stage in zip(levels[:-1], made, strict=False):
-            small = drops and TWICE * stage.A.shape[0] <= made[0].A.shape[0]
-            smoothers = _smoothers(stage, 2 if small else 1, hierarchy.options.threads)
+        for level, stage, is_small in zip(levels[:-1], made, small_stages(made, hierarchy), strict=False):
+            smoothers = _smoothers(stage, 2 if is_small else 1, hierarchy.options.threads)
             level.presmoother, level.postsmoother = smoothers
     return cycles
 

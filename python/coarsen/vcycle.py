@@ -155,7 +155,11 @@ def solver(
     if made[0].gauge is not None:
         mask = transfer.free_mask(hierarchy[0].mesh, free, dirichlet)
         held = None if mask is None else int(np.argmin(mask))
-    twice = None
-    if any(level.dropped is not None for level in hierarchy):
-        twice = next((k for k, stage in enumerate(made[:-1]) if TWICE * stage.A.shape[0] <= made[0].A.shape[0]), None)
+    twice = next((k for k, is_small in enumerate(small_stages(made[:-1], hierarchy)) if is_small), None)
     return Solver(made, held, hierarchy.options.threads, twice)
+
+
+def small_stages(made: list[Stage], hierarchy: Hierarchy) -> list[bool]:
+    """Return which stages are so small that more work on them is cheap, where features are dropped; none elsewhere."""
+    drops = any(level.dropped is not None for level in hierarchy)
+    return [drops and TWICE * stage.A.shape[0] <= made[0].A.shape[0] for stage in made]
