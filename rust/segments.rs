@@ -285,8 +285,8 @@ impl Segments {
         best
     }
 
-    /// A segment that is at most twice as far from `x` as the nearest one.
-    pub fn nearby(&self, x: &Point<2>) -> Option<u32> {
+    /// A segment that is at most twice as far from `x` as the nearest one, and how near none comes.
+    pub fn nearby(&self, x: &Point<2>) -> Option<(u32, f64)> {
         let p = self.scaled(x);
         let (mut found, mut least) = (None, f64::INFINITY);
         let mut stack = vec![1usize];
@@ -306,7 +306,8 @@ impl Segments {
                 }
             }
         }
-        found
+        let rounding = 8.0 * SLACK * (1.0 + p[0].abs().max(p[1].abs()));
+        found.map(|segment| (segment, (0.5 * least.sqrt() - rounding) * self.extent))
     }
 
     /// The children of a node, the nearer one to a point last.

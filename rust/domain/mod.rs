@@ -21,7 +21,7 @@ mod loose;
 mod sight;
 
 pub use chords::Chord;
-pub use sight::Sight;
+pub use sight::{Seen, Sight};
 
 use crate::error::Error;
 use crate::point::{NONE, Point, distance, orient};

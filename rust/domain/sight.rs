@@ -34,6 +34,21 @@ pub struct Sight<'a> {
     has_islands: bool,
 }
 
+/// Some point, and what lies at it and at all points nearer than `reach` to it.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    x: Point<2>,
+    reach: f64,
+    spot: Option<Spot>,
+}
+
+impl Default for Seen {
+    /// Nothing was seen yet.
+    fn default() -> Seen {
+        Seen { x: [0.0; 2], reach: 0.0, spot: None }
+    }
+}
+
 /// What lies at a point in the mesh or in a hole.
 #[derive(Debug, Clone, Copy)]
 struct Spot {
@@ -80,14 +95,24 @@ impl<'a> Sight<'a> {
         self.has_islands = self.hole_around.iter().any(|&hole| hole != NONE);
     }
 
-    /// Tag of the cell at `x`, `None` outside, seen from a point `eye` in the mesh. Holes that are gone are closed.
+    /// Tag of the cell at `x`, `None` outside, seen from a point `eye` in the mesh. Holes that are gone are closed. What was seen
+    /// last is at hand for points near by.
     ///
     /// Runtime: O(log s), usually.
-    pub fn look(&self, eye: &Point<2>, x: &Point<2>, is_gone: impl Fn(u32) -> bool) -> Option<i64> {
-        let spot = self.at(x).filter(|spot| spot.hole == NONE || is_gone(spot.hole))?;
+    pub fn look(&self, eye: &Point<2>, x: &Point<2>, is_gone: impl Fn(u32) -> bool, last: &mut Seen) -> Option<i64> {
+        let spot = self.again(x, last).filter(|spot| spot.hole == NONE || is_gone(spot.hole))?;
         let closed = |spot: Spot| self.outward(spot.around).find(|&hole| is_gone(hole));
-        let is_seen = !self.has_islands || self.at(eye).is_none_or(|own| closed(own) == closed(spot));
+        let is_seen = !self.has_islands || self.again(eye, last).is_none_or(|own| closed(own) == closed(spot));
         is_seen.then_some(spot.tag)
+    }
+
+    /// What lies at `x`, which may be known.
+    fn again(&self, x: &Point<2>, last: &mut Seen) -> Option<Spot> {
+        if distance(x, &last.x) >= last.reach {
+            let (spot, reach) = self.at(x).unwrap_or((None, 0.0));
+            *last = Seen { x: *x, reach, spot };
+        }
+        last.spot
     }
 
     /// A hole and the holes around it.
@@ -96,17 +121,17 @@ impl<'a> Sight<'a> {
         std::iter::successors(Some(hole), next).filter(|&hole| hole != NONE)
     }
 
-    /// What lies at `x`, `None` outside all.
-    fn at(&self, x: &Point<2>) -> Option<Spot> {
-        let (first, on) = self.first(x, &self.beyond(x, self.tree.nearby(x)?));
-        if let Some(e) = on {
-            return self.spot(e, &self.edges[e as usize].1.sides[1]);
-        }
-        match first {
-            Some(e) => self.spot(e, self.side(e, x)),
+    /// What lies at `x`, `None` outside all, and how near no edge comes. `None` where there are no edges.
+    fn at(&self, x: &Point<2>) -> Option<(Option<Spot>, f64)> {
+        let (near, reach) = self.tree.nearby(x)?;
+        let (first, on) = self.first(x, &self.beyond(x, near));
+        let spot = match (on, first) {
+            (Some(e), _) => self.spot(e, &self.edges[e as usize].1.sides[1]),
+            (_, Some(e)) => self.spot(e, self.side(e, x)),
             // rounding hides the edge near by
-            None => self.below(x).and_then(|e| self.spot(e, self.above(e))),
-        }
+            _ => self.below(x).and_then(|e| self.spot(e, self.above(e))),
+        };
+        Some((spot, reach))
     }
 
     /// A point as far beyond an edge as `x` is before it, not in line with its ends.

@@ -73,7 +73,7 @@ impl Trimmed {
     }
 
     /// The edge of a cell that leads to another.
-    fn edge_to(&self, t: usize, other: usize) -> usize {
+    pub(super) fn edge_to(&self, t: usize, other: usize) -> usize {
         self.cells.neighbours[t].iter().position(|&n| n as usize == other).unwrap_or(0)
     }
 
@@ -86,7 +86,7 @@ impl Trimmed {
     ///     \ s /             \ | /
     ///       x                 x
     /// ```
-    fn flip(&mut self, (t, k): (usize, usize), (s, back): (usize, usize)) {
+    pub(super) fn flip(&mut self, (t, k): (usize, usize), (s, back): (usize, usize)) {
         let cells = &mut self.cells;
         let [k1, k2, j1, j2] = [(k + 1) % 3, (k + 2) % 3, (back + 1) % 3, (back + 2) % 3];
         let [u, v, w, x] = [cells.cells[t][k], cells.cells[t][k1], cells.cells[t][k2], cells.cells[s][j2]];

@@ -2,7 +2,7 @@
 
 use super::order::sort_sites;
 use super::{Ground, area, centroid, sides};
-use crate::domain::Chord;
+use crate::domain::{Chord, Seen};
 use crate::error::Error;
 use crate::level::{Choice, constraints_of, sites_of};
 use crate::point::{NONE, Point};
@@ -21,7 +21,7 @@ pub struct Memory {
     sampled: Sampled,
     /// The last triangulation, not labelled, and the chords it was made for.
     last: Option<(Vec<Chord>, Trimmed)>,
-    /// Chords that were no edges of it.
+    /// Chords that are no edges of it.
     failed: Vec<u32>,
 }
 
@@ -178,18 +178,19 @@ impl Ground<'_> {
                 _ => asked.push(t),
             }
         }
-        let seen = asked.par_iter().map(|&t| {
+        let ask = |last: &mut Seen, &t: &usize| {
             let cell = cells.cells[t].map(|s| trimmed.sites[s as usize]);
             let before = sampled.binary_search_by_key(&cell, |old| old.0);
-            (cell, before.map_or_else(|_| self.sample(trimmed, t, &is_gone), |k| sampled[k].1))
-        });
+            (cell, before.map_or_else(|_| self.sample(trimmed, t, &is_gone, last), |k| sampled[k].1))
+        };
+        let seen = asked.par_iter().map_init(Seen::default, ask);
         *sampled = seen.collect();
         asked.into_iter().zip(sampled).for_each(|(t, seen)| label[t] = seen.1);
         trimmed.label = label;
     }
 
     /// The tag of most sample points of a cell, `None` where not most of them lie inside.
-    fn sample(&self, trimmed: &Trimmed, t: usize, is_gone: &[bool]) -> Option<i64> {
+    fn sample(&self, trimmed: &Trimmed, t: usize, is_gone: &[bool], last: &mut Seen) -> Option<i64> {
         let cell = trimmed.cells.cells[t];
         let corners = cell.map(|s| trimmed.points[s as usize]);
         let facets = self.domain.len() as u32;
@@ -200,7 +201,8 @@ impl Ground<'_> {
         let middle = centroid(&corners);
         let towards = |p: &Point<2>| [(middle[0] + p[0]) / 2.0, (middle[1] + p[1]) / 2.0];
         let samples = [middle, towards(&corners[0]), towards(&corners[1]), towards(&corners[2])];
-        let tags: Vec<i64> = samples.iter().filter_map(|x| self.sight.look(&eye, x, |c| is_gone[c as usize])).collect();
+        let mut look = |x: &Point<2>| self.sight.look(&eye, x, |c| is_gone[c as usize], last);
+        let tags: Vec<i64> = samples.iter().filter_map(&mut look).collect();
         let count = |tag: i64| tags.iter().filter(|&&other| other == tag).count();
         let most = tags.iter().map(|&tag| count(tag)).max()?;
         tags.iter().copied().find(|&tag| tags.len() >= 3 && count(tag) == most)

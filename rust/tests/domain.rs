@@ -2,7 +2,7 @@
 
 mod fuzz;
 
-use _core::domain::{Domain, Sight};
+use _core::domain::{Domain, Seen, Sight};
 use _core::point::{Point, orient};
 use fuzz::Plane;
 use fuzz::random::Random;
@@ -107,7 +107,7 @@ fn what_lies_at_a_point_is_what_the_cell_there_says() {
         let (eye, _) = middle(plane, &plane.cells[0]);
         for x in points_of(plane, domain, random) {
             let Some(expected) = held(plane, &x) else { continue };
-            assert_eq!(sight.look(&eye, &x, |_| false), expected, "seed {seed} at {x:?}");
+            assert_eq!(sight.look(&eye, &x, |_| false, &mut Seen::default()), expected, "seed {seed} at {x:?}");
             count[usize::from(expected.is_some())] += 1;
         }
     });
@@ -123,7 +123,7 @@ fn behind_closed_holes_lies_what_a_line_of_sight_tells() {
         for x in points_of(plane, domain, random) {
             let (eye, is_inside) = middle(plane, &plane.cells[random.below(plane.cells.len())]);
             let Some(is_turned) = is_turned(domain, &eye, &x, &is_gone).filter(|_| is_inside) else { continue };
-            let seen = sight.look(&eye, &x, |c| is_gone[c as usize]);
+            let seen = sight.look(&eye, &x, |c| is_gone[c as usize], &mut Seen::default());
             assert_eq!(seen.is_some(), !is_turned, "seed {seed} at {x:?} from {eye:?}");
             count[usize::from(held(plane, &x) == Some(None) && !is_turned)] += 1;
         }
@@ -143,7 +143,9 @@ fn an_island_in_a_closed_hole_is_no_part_of_what_is_around_it() {
     let domain = Domain::new(&plane.points, &facet_rows(&plane), 0.5).expect("a legal mesh");
     let sight = Sight::new(&domain);
     let places = [[3.1, 0.3], [1.4, 0.3], [0.4, 0.3], [0.1, 1.4], [0.1, 9.0]];
-    let seen = |eye: usize, closed: bool| places.map(|x| sight.look(&places[eye], &x, |c| closed && domain.is_hole(c)));
+    let seen = |eye: usize, closed: bool| {
+        places.map(|x| sight.look(&places[eye], &x, |c| closed && domain.is_hole(c), &mut Seen::default()))
+    };
     for eye in [0, 2] {
         assert_eq!(seen(eye, false), [Some(1), None, Some(2), None, None]);
     }
