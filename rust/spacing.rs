@@ -29,6 +29,9 @@ const WIDTHS_TOGETHER: f64 = 32.0;
 /// What is known of the distance to other sites where nothing is.
 const NONE_APART: [f64; LEAF] = [0.0; LEAF];
 
+/// Squares of anything as great do not vanish.
+const SQUARABLE: f64 = 1e-150;
+
 /// Minima are taken in so many lanes.
 const LANES: usize = 8;
 const _: () = assert!(LEAF.is_multiple_of(LANES));
@@ -119,10 +122,13 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
             for leaf in leaves {
                 let range = self.tree.range(leaf);
                 let (best, rest) = found.split_at_mut(range.len());
-                let queries = self.tree.points()[range.clone()].chunks(LEAF).zip(self.g[range].chunks(LEAF));
-                for ((queries, apart), best) in queries.zip(best.chunks_mut(LEAF)) {
-                    let apart = if self.is_nearest { apart } else { &NONE_APART[..queries.len()] };
-                    level.block(Some(leaf), queries, apart, best, &mut winner);
+                let has_copies = !self.is_nearest || may_have_copies(&self.tree.points()[range.clone()]);
+                let first = range.clone().step_by(LEAF);
+                let chunks = self.tree.points()[range.clone()].chunks(LEAF).zip(self.g[range].chunks(LEAF));
+                for (((points, apart), best), first) in chunks.zip(best.chunks_mut(LEAF)).zip(first) {
+                    let apart = if self.is_nearest { apart } else { &NONE_APART[..points.len()] };
+                    let home = Some(Home { leaf, first, has_copies });
+                    level.block(Queries { points, apart, home }, best, &mut winner);
                 }
                 found = rest;
             }
@@ -153,7 +159,8 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         in_blocks(at, progress, |points, found| {
             let mut winner = None;
             for (queries, best) in points.chunks(LEAF / 3).zip(found.chunks_mut(LEAF / 3)) {
-                level.block(None, queries, &NONE_APART[..queries.len()], best, &mut winner);
+                let apart = &NONE_APART[..queries.len()];
+                level.block(Queries { points: queries, apart, home: None }, best, &mut winner);
             }
         })
     }
@@ -179,6 +186,25 @@ struct Level<'s, 'a, const D: usize> {
 
 /// The site that won last.
 type Winner = Option<usize>;
+
+/// A few neighbours to find f at.
+#[derive(Clone, Copy)]
+struct Queries<'q, const D: usize> {
+    points: &'q [Point<D>],
+    /// No site but at a query itself is nearer to it than this.
+    apart: &'q [f64],
+    home: Option<Home>,
+}
+
+/// Where queries are that are sites themselves.
+#[derive(Clone, Copy)]
+struct Home {
+    leaf: usize,
+    /// Leaf position of the first.
+    first: usize,
+    /// Whether a site of their leaf may lie at one of them.
+    has_copies: bool,
+}
 
 impl<const D: usize> Level<'_, '_, D> {
     #[inline(always)]
@@ -229,36 +255,24 @@ impl<const D: usize> Level<'_, '_, D> {
                 }
             }
         }
-        let mut least = [f64::INFINITY; LANES];
-        for cones in cones.chunks_exact(LANES) {
-            for (least, &cone) in least.iter_mut().zip(cones) {
-                *least = if cone < *least { cone } else { *least };
-            }
-        }
-        let mut width = LANES / 2;
-        while width > 0 {
-            for k in 0..width {
-                let other = least[k + width];
-                least[k] = if other < least[k] { other } else { least[k] };
-            }
-            width /= 2;
-        }
-        least[0]
+        least_of(&cones)
     }
 
-    /// f at a few neighbours, which are the points of `leaf` where that is given. No site but at a query itself is nearer
-    /// to it than `apart`.
-    fn block(&self, leaf: Option<usize>, queries: &[Point<D>], apart: &[f64], best: &mut [f64], winner: &mut Winner) {
-        let around = Bounds::of(queries);
-        let start = |around: &Bounds<D>| leaf.unwrap_or_else(|| self.spacing.tree.leaf_near(around));
+    /// f at a few neighbours.
+    fn block(&self, queries: Queries<'_, D>, best: &mut [f64], winner: &mut Winner) {
+        let Queries { points, apart, home } = queries;
+        let around = Bounds::of(points);
+        let start = |around: &Bounds<D>| home.map_or_else(|| self.spacing.tree.leaf_near(around), |home| home.leaf);
         // a walk for all looks at sites that win nowhere, within about the box's width of the winner: no loss where few
         // sites are there, but a bad one where a far cluster of much finer ones wins
         let together = winner.is_some_and(|p| around.width() <= WIDTHS_TOGETHER * self.spacing.g[p]);
         if together {
-            self.walk(start(&around), (queries, apart), &around, best, winner);
+            self.walk(start(&around), queries, &around, best, winner);
         } else {
-            for ((x, apart), best) in queries.iter().zip(apart).zip(best) {
-                let (around, query) = (Bounds::of([x]), (slice::from_ref(x), slice::from_ref(apart)));
+            for (k, ((x, apart), best)) in points.iter().zip(apart).zip(best).enumerate() {
+                let home = home.map(|home| Home { first: home.first + k, ..home });
+                let query = Queries { points: slice::from_ref(x), apart: slice::from_ref(apart), home };
+                let around = Bounds::of([x]);
                 self.walk(start(&around), query, &around, slice::from_mut(best), winner);
             }
         }
@@ -269,15 +283,19 @@ impl<const D: usize> Level<'_, '_, D> {
     fn walk(
         &self,
         start: usize,
-        (queries, apart): (&[Point<D>], &[f64]),
+        Queries { points, apart, home }: Queries<'_, D>,
         around: &Bounds<D>,
         best: &mut [f64],
         winner: &mut Winner,
     ) {
         let (tree, slope) = (&*self.spacing.tree, self.spacing.gradation);
-        for (x, best) in queries.iter().zip(best.iter_mut()) {
-            *best = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
+        for (k, (x, best)) in points.iter().zip(best.iter_mut()).enumerate() {
+            let own = home.map_or(f64::INFINITY, |home| self.weight(home.first + k));
+            let known = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
+            *best = if known < own { known } else { own };
         }
+        // what is known of the leaf of the queries holds for it too
+        let lone_home = home.filter(|home| !home.has_copies).map_or(0, |home| home.leaf);
         let limit = Cell::new(greatest(best));
         // the leaf that won last, and the query there: which of its sites it was is asked once, at the end
         let mut last = None;
@@ -289,13 +307,14 @@ impl<const D: usize> Level<'_, '_, D> {
                 // copies of one point: a minimum of rounded sums is the rounded sum with the minimum
                 let lone = bounds.is_location();
                 let mut bound = [0.0; LEAF];
-                for ((x, &apart), bound) in queries.iter().zip(apart).zip(&mut bound) {
+                for ((x, &apart), bound) in points.iter().zip(apart).zip(&mut bound) {
                     let near = bounds.distance_2(x).sqrt();
                     // at no distance there may be a copy of the query
-                    let near = if near > 0.0 && near < apart { apart } else { near };
+                    let is_apart = near > 0.0 || node == lone_home;
+                    let near = if is_apart && near < apart { apart } else { near };
                     *bound = least + slope * near;
                 }
-                for (k, ((x, &bound), best)) in queries.iter().zip(&bound).zip(best.iter_mut()).enumerate() {
+                for (k, ((x, &bound), best)) in points.iter().zip(&bound).zip(best.iter_mut()).enumerate() {
                     if bound < *best {
                         let value = if lone { bound } else { self.least_cone(node, range.clone(), x) };
                         if value < *best {
@@ -309,7 +328,9 @@ impl<const D: usize> Level<'_, '_, D> {
         );
         if let Some((mut range, k)) = last {
             let any = range.start;
-            *winner = range.find(|&p| self.cone(p, &queries[k]) == best[k]).or(Some(any));
+            *winner = range.find(|&p| self.cone(p, &points[k]) == best[k]).or(Some(any));
+        } else if let Some(home) = home {
+            *winner = Some(home.first + points.len() - 1);
         }
     }
 }
@@ -348,11 +369,9 @@ fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found:
                 let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
                 for (x, best) in queries.iter().zip(best.iter_mut()) {
                     if bounds.distance_2(x) < *best {
-                        for p in &tree.points()[range.clone()] {
-                            let d_2 = distance_2(p, x);
-                            if d_2 < *best && d_2 > 0.0 {
-                                *best = d_2;
-                            }
+                        for points in tree.points()[range.clone()].chunks(LEAF) {
+                            let least = least_apart_2(points, x);
+                            *best = if least < *best { least } else { *best };
                         }
                     }
                 }
@@ -361,6 +380,46 @@ fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found:
         );
         best.iter_mut().for_each(|value| *value = value.sqrt());
     }
+}
+
+/// The least squared distance over 0 from x to up to [`LEAF`] points.
+#[inline(always)]
+fn least_apart_2<const D: usize>(points: &[Point<D>], x: &Point<D>) -> f64 {
+    let mut distances = [f64::INFINITY; LEAF];
+    for (least, p) in distances.iter_mut().zip(points) {
+        let d_2 = distance_2(p, x);
+        *least = if d_2 > 0.0 { d_2 } else { f64::INFINITY };
+    }
+    least_of(&distances)
+}
+
+/// Whether two of some points may be at a (rounded) distance of 0; never so where they are sorted and apart.
+fn may_have_copies<const D: usize>(points: &[Point<D>]) -> bool {
+    let follows = |p: &Point<D>, q: &Point<D>| {
+        let steps = || p.iter().zip(q).map(|(p, q)| q - p);
+        steps().find(|&step| step != 0.0).is_some_and(|step| step >= SQUARABLE)
+    };
+    !points.windows(2).all(|pair| follows(&pair[0], &pair[1]))
+}
+
+/// The least value, in vector units.
+#[inline(always)]
+fn least_of(values: &[f64; LEAF]) -> f64 {
+    let mut least = [f64::INFINITY; LANES];
+    for values in values.chunks_exact(LANES) {
+        for (least, &value) in least.iter_mut().zip(values) {
+            *least = if value < *least { value } else { *least };
+        }
+    }
+    let mut width = LANES / 2;
+    while width > 0 {
+        for k in 0..width {
+            let other = least[k + width];
+            least[k] = if other < least[k] { other } else { least[k] };
+        }
+        width /= 2;
+    }
+    least[0]
 }
 
 #[inline(always)]
