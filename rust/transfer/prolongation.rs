@@ -134,15 +134,18 @@ pub fn weights(
         let mut at = 0;
         for place in rows {
             let cell = coarse.cells[place.cell as usize];
-            let mut row = [0, 1, 2].map(|k| (cell[k] as i32, place.weights[k]));
-            row.sort_unstable_by_key(|entry| entry.0);
-            let (mut sum, first) = (0.0, at);
-            for (column, weight) in row.into_iter().filter(|entry| entry.1 > 0.0) {
-                (indices[at], data[at]) = (column, weight);
-                at += 1;
-                sum += if at - first < 3 { weight } else { 0.0 };
+            // column and corner, sorted without a branch
+            let entries = sorted([0, 1, 2].map(|k| u64::from(cell[k]) << 2 | k as u64));
+            let (row, first) = (entries.map(|entry| place.weights[(entry & 3) as usize]), at);
+            for (entry, weight) in entries.into_iter().zip(row) {
+                if at < data.len() {
+                    (indices[at], data[at]) = ((entry >> 2) as i32, weight);
+                }
+                // what has no weight is written over
+                at += usize::from(weight > 0.0);
             }
             // as the last one, 1 - sum makes the row sum to 1 exactly, rounded from left to right
+            let sum = row[0] + row[1];
             if at == first + 3 && sum < 1.0 {
                 data[at - 1] = 1.0 - sum;
             }
@@ -151,6 +154,12 @@ pub fn weights(
     let outside = (0..places.len() as u32).into_par_iter().filter(|&v| places[v as usize].is_outside());
     let outside = outside.map(|v| (v, distance(&points[v as usize], &point_of(coarse, &places[v as usize])))).collect();
     Ok((Rows { columns: coarse.points.len(), indptr, indices, data }, outside))
+}
+
+fn sorted([a, b, c]: [u64; 3]) -> [u64; 3] {
+    let (a, b) = (a.min(b), a.max(b));
+    let (b, c) = (b.min(c), b.max(c));
+    [a.min(b), a.max(b), c]
 }
 
 /// Rows or places that one thread writes at a time.
@@ -170,6 +179,8 @@ const OUTSIDE: u8 = 8;
 const STARTS: u8 = 16;
 /// Several do: parts, or two sides of a channel, only touch there.
 const PINCH: u8 = 32;
+/// Bits of all these.
+const STATUS_BITS: u32 = 6;
 
 /// Which neighbours a walk may start from.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -278,36 +289,50 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    #[inline(always)]
     fn may_start(&self, u: u32, start: Start) -> bool {
         let status = self.status[u as usize];
-        if status & (FOUND | ON_BOUNDARY) != FOUND | ON_BOUNDARY || start == Start::Tip {
-            return status & FOUND != 0;
-        }
-        start == Start::Boundary && status & PINCH == 0 && !self.is_tip(u)
+        Self::admits(status, start) && !(start == Start::Boundary && self.is_barred(u))
     }
 
+    /// Whether a node may be a start by its status alone.
+    fn admits(status: u8, start: Start) -> bool {
+        let may_be = match start {
+            Start::Interior => status & ON_BOUNDARY == 0,
+            Start::Boundary => status & (ON_BOUNDARY | PINCH) != ON_BOUNDARY | PINCH,
+            Start::Tip => true,
+        };
+        may_be && status & FOUND != 0
+    }
+
+    /// Whether a node that is found is a tip.
     #[cold]
-    fn is_tip(&self, u: u32) -> bool {
-        self.places[u as usize].node(self.coarse).is_some_and(|node| self.coarse.is_tip(node))
+    fn is_barred(&self, u: u32) -> bool {
+        let is_tip = |node: u32| self.coarse.is_tip(node);
+        self.status[u as usize] & ON_BOUNDARY != 0 && self.places[u as usize].node(self.coarse).is_some_and(is_tip)
     }
 
     /// Tells every missing node the least neighbour to start from.
     fn spread(&mut self, start: Start) {
         let before = self.open.take();
         let status = |v: u32| self.status[v as usize];
-        let key = |u: u32| match self.may_start(u, start) {
-            true if status(u) & OUTSIDE == 0 => u,
-            true => FROM_OUTSIDE | u,
+        // or-ed to an index: looked up, as nobody can foretell which nodes are found
+        let marks: [u32; 1 << STATUS_BITS] = std::array::from_fn(|status| match Self::admits(status as u8, start) {
+            true if status as u8 & OUTSIDE == 0 => 0,
+            true => FROM_OUTSIDE,
             false => NOWHERE,
+        });
+        let key = |u: u32| {
+            let mark = marks[status(u) as usize % marks.len()];
+            let is_barred = start == Start::Boundary && mark != NOWHERE && self.is_barred(u);
+            if is_barred { NOWHERE } else { u | mark }
         };
         // a cell with a start is done with: all its nodes are found in this round
         let stays_open = |&c: &u32| {
             let cell = self.cells[c as usize];
-            let [a, b, c] = cell.map(key);
-            let least = a.min(b).min(c);
+            let [u, v, w] = cell;
+            let least = key(u).min(key(v)).min(key(w));
             if least == NOWHERE {
-                return cell.iter().any(|&v| status(v) & FOUND == 0);
+                return status(u) & status(v) & status(w) & FOUND == 0;
             }
             for v in cell {
                 let from = &self.from[v as usize];
