@@ -16,7 +16,6 @@
 
 use crate::point::{Point, distance_2};
 use rayon::prelude::*;
-use std::cmp::Ordering;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -465,21 +464,27 @@ pub(crate) fn range(node: usize, n: usize) -> Range<usize> {
     (j * n) >> depth..((j + 1) * n) >> depth
 }
 
+/// A number in the order of [`f64::total_cmp`].
+#[inline(always)]
+fn in_order(x: f64) -> u64 {
+    let bits = x.to_bits();
+    // all bits of negative numbers are turned, the sign only of others
+    bits ^ ((bits as i64 >> 63) as u64 | 1 << 63)
+}
+
 /// Brings the items of `node` into leaf order.
 fn arrange<const D: usize>(items: &mut [Item<D>], node: usize, whole: usize, first_leaf: usize) {
     if node >= first_leaf {
-        items.sort_unstable_by(|a, b| {
-            let axes = a.point.iter().zip(&b.point).map(|(a, b)| a.total_cmp(b));
-            axes.fold(Ordering::Equal, Ordering::then).then(a.index.cmp(&b.index))
-        });
+        items.sort_unstable_by_key(|item| (item.point.map(in_order), item.index));
         return;
     }
     let bounds = Bounds::of(items.iter().map(|item| &item.point));
     let axis = bounds.widest();
     let middle = range(2 * node, whole).len();
     if middle < items.len() {
-        items
-            .select_nth_unstable_by(middle, |a, b| a.point[axis].total_cmp(&b.point[axis]).then(a.index.cmp(&b.index)));
+        // as one number, which is compared without a branch
+        let key = |item: &Item<D>| u128::from(in_order(item.point[axis])) << 32 | u128::from(item.index);
+        items.select_nth_unstable_by_key(middle, key);
     }
     let (left, right) = items.split_at_mut(middle);
     if left.len() + right.len() > GRAIN {
