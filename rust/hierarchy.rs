@@ -239,16 +239,17 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         None => nearest(tree, progress)?,
         Some(spacing) => candidate_spacing(spacing, &domain, nodes),
     };
-    let finest = spacing_at_nodes(&g, &domain, nodes, input.points.len());
+    let finest = || spacing_at_nodes(&g, &domain, nodes, input.points.len());
     if options.method == Method::Mis {
         let (levels, stopped) = crate::skeleton::hierarchy(input.points, input.cells, &domain, options, progress)?;
-        return Ok((levels, stopped, finest));
+        return Ok((levels, stopped, finest()));
     }
-    let cap = options.keep.then(|| {
+    let gaps = || {
         let mut cap = domain.gaps();
         cap.resize(nodes.len(), f64::INFINITY);
         cap
-    });
+    };
+    let (finest, cap) = rayon::join(finest, || options.keep.then(gaps));
     let base = Base { input, options, progress, domain: &domain, all: &all, g: &g };
     let spacing = base.spacing(cap.as_deref())?;
     let mut builder = base.builder(&spacing);
@@ -364,19 +365,16 @@ fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
     nodes.extend((0..points.len() as u32).filter(|&i| !on_facet[i as usize]));
     let place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
     let tree = KdTree::new(&place);
-    let mut numbers: Vec<u32> = (0..nodes.len() as u32).collect();
-    let interior = tree.order().iter().filter(|&&k| k as usize >= facets);
-    let sorted: Vec<u32> = interior
-        .zip(facets as u32..)
-        .map(|(&k, number)| {
-            numbers[k as usize] = number;
-            nodes[k as usize]
-        })
-        .collect();
+    let is_interior = |k: &u32| *k as usize >= facets;
+    let interior = tree.order().par_iter().filter(|&k| is_interior(k));
+    let sorted: Vec<u32> = interior.map(|&k| nodes[k as usize]).collect();
     nodes.truncate(facets);
-    nodes.extend(sorted);
-    let place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
-    Candidates { tree: Cow::Owned(tree.renumbered(&numbers)), points: Cow::Owned(place), nodes: Cow::Owned(nodes) }
+    nodes.par_extend(sorted);
+    let mut place = place;
+    let in_order = tree.order().iter().zip(tree.points()).filter(|&(k, _)| is_interior(k)).map(|(_, point)| *point);
+    place[facets..].iter_mut().zip(in_order).for_each(|(place, point)| *place = point);
+    let tree = Cow::Owned(tree.numbered_from(facets as u32));
+    Candidates { tree, points: Cow::Owned(place), nodes: Cow::Owned(nodes) }
 }
 
 /// A given spacing at the candidates, the least of a vertex's copies.

@@ -190,9 +190,10 @@ impl<const D: usize> KdTree<D> {
         &self.order
     }
 
-    /// The same tree, the point of index `i` called `numbers[i]` from now on.
-    pub fn renumbered(mut self, numbers: &[u32]) -> Self {
-        self.order.par_iter_mut().for_each(|index| *index = numbers[*index as usize]);
+    /// The same tree, the points of index `first` and greater numbered from there on in leaf order.
+    pub fn numbered_from(mut self, first: u32) -> Self {
+        let moved = self.order.iter_mut().filter(|index| **index >= first);
+        moved.zip(first..).for_each(|(index, number)| *index = number);
         self.positions = OnceLock::new();
         self
     }
