@@ -19,6 +19,7 @@ use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// The candidates of a level: all facet vertices, then interior nodes.
 pub struct Candidates<'a> {
@@ -211,16 +212,20 @@ pub fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], g
     }
 }
 
-/// Where an interior candidate lies.
+/// Where an interior candidate lies; what comes later outdoes what comes before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Place {
     /// In the coarse domain, delta * f away from its facets.
-    Inside,
+    Inside = 0,
     /// Nearer than that to a chord.
-    Near,
+    Near = 1,
     /// In the region that a chord cuts off or adds.
-    CutOff,
+    CutOff = 2,
 }
+
+/// Chords that one thread looks about in one go.
+const CHORDS_AT_ONCE: usize = 64;
 
 /// Places of the interior candidates.
 pub fn near_facets(
@@ -231,13 +236,16 @@ pub fn near_facets(
     delta: f64,
 ) -> Vec<Place> {
     let facets = domain.len();
-    let mut places = vec![Place::Inside; candidates.nodes.len() - facets];
+    let places: Vec<AtomicU8> = (facets..candidates.nodes.len()).map(|_| AtomicU8::new(Place::Inside as u8)).collect();
+    // which chord tells first is no matter
+    let place = |k: usize| places[k - facets].load(Ordering::Relaxed);
+    let put = |k: usize, place: Place| places[k - facets].fetch_max(place as u8, Ordering::Relaxed);
     let tree: &KdTree<2> = &candidates.tree;
     // f of the interior candidates; none is negative
     let spacing = |&k: &u32| if (k as usize) < facets { -1.0 } else { f[k as usize] };
     let in_leaves: Vec<f64> = tree.order().par_iter().map(spacing).collect();
     let most = tree.node_max(&in_leaves);
-    for chord in chords {
+    chords.par_iter().with_min_len(CHORDS_AT_ONCE).for_each(|chord| {
         let ends = chord.vertices.map(|v| domain.points[v as usize]);
         let [a, b] = &ends;
         let segment = Bounds::of(&ends);
@@ -247,8 +255,8 @@ pub fn near_facets(
         };
         each_in(tree, reached, |k| {
             let is_near = || segment_distance_2(&candidates.points[k], a, b) < (delta * f[k]) * (delta * f[k]);
-            if k >= facets && places[k - facets] == Place::Inside && is_near() {
-                places[k - facets] = Place::Near;
+            if k >= facets && place(k) == Place::Inside as u8 && is_near() {
+                put(k, Place::Near);
             }
         });
         if chord.deviation_2 > 0.0 {
@@ -259,13 +267,19 @@ pub fn near_facets(
                 most[node] >= 0.0 && bounds.gap_2(&piece) == 0.0 && is_within(bounds, &ends, deviation)
             };
             each_in(tree, touched, |k| {
-                if k >= facets && places[k - facets] != Place::CutOff && domain.holds(chord, &candidates.points[k]) {
-                    places[k - facets] = Place::CutOff;
+                let is_open = k >= facets && place(k) < Place::CutOff as u8;
+                if is_open && domain.holds(chord, &candidates.points[k]) {
+                    put(k, Place::CutOff);
                 }
             });
         }
-    }
-    places
+    });
+    let named = |place: AtomicU8| match place.into_inner() {
+        0 => Place::Inside,
+        1 => Place::Near,
+        _ => Place::CutOff,
+    };
+    places.into_par_iter().map(named).collect()
 }
 
 /// Whether a box may come as near to the line through two points as `reach`: the box of a long slanted segment tells little.

@@ -19,9 +19,11 @@
 use super::{Domain, segment_distance_2, segments_cross};
 use crate::point::{Point, orient};
 use crate::segments::Segments;
+use rayon::prelude::*;
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use std::f64::consts::TAU;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A chord of a chain, from one kept position to the next; positions of closed chains run on past the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +44,9 @@ pub struct Chord {
 
 /// Tangent of the angle (20 degrees) under which two chords may meet inside the domain only where the chains do.
 const NARROW: f64 = 0.363_970_234_266_202_4;
+
+/// Chords or points that one thread looks at in one go.
+const AT_ONCE: usize = 64;
 
 /// With more chord ends at a vertex, neighbours are found by sorting.
 const FEW: usize = 8;
@@ -153,27 +158,27 @@ impl Domain {
         chords: &[Chord],
         kept: &[bool],
         obstacles: &[Point<2>],
-        fresh: impl Fn(u32) -> bool,
+        fresh: impl Fn(u32) -> bool + Sync,
     ) -> Vec<u32> {
-        let mut bad = vec![false; chords.len()];
+        let bad: Vec<AtomicBool> = chords.iter().map(|_| AtomicBool::new(false)).collect();
+        let is_bad = |i: u32| bad[i as usize].load(Ordering::Relaxed);
+        let condemn = |i: u32| bad[i as usize].store(true, Ordering::Relaxed);
         let splits = |i: u32| chords[i as usize].to > chords[i as usize].from + 1 && fresh(i);
         let ends: Vec<[u32; 2]> = chords.iter().map(|chord| chord.vertices).collect();
         let tree = Segments::new(&self.points, &ends);
-        for (position, &i) in tree.order().iter().enumerate() {
-            if !splits(i) {
-                continue;
-            }
+        let in_order = tree.order().par_iter().enumerate().with_min_len(AT_ONCE);
+        in_order.filter(|&(_, &i)| splits(i)).for_each(|(position, &i)| {
             tree.crossing(position, 0, |j| {
                 // a pair of chords that both split is met twice
                 if j == i || (j < i && splits(j)) || !self.cross(&chords[i as usize], &chords[j as usize]) {
                     return;
                 }
                 let later = splits(j) && chords[j as usize].deviation_2 > chords[i as usize].deviation_2;
-                bad[if later { j } else { i } as usize] = true;
+                condemn(if later { j } else { i });
             });
-        }
+        });
         let regions: Vec<Boxed> = (0..chords.len() as u32)
-            .filter(|&i| splits(i) && chords[i as usize].deviation_2 > 0.0 && !bad[i as usize])
+            .filter(|&i| splits(i) && chords[i as usize].deviation_2 > 0.0 && !is_bad(i))
             .map(|i| {
                 let envelope = AABB::from_points(self.piece(&chords[i as usize]).map(|v| &self.points[v as usize]));
                 GeomWithData::new(Rectangle::from_corners(envelope.lower(), envelope.upper()), i)
@@ -181,20 +186,21 @@ impl Domain {
             .collect();
         if !regions.is_empty() {
             let tree = RTree::bulk_load(regions);
-            let mut look = |p: &Point<2>, vertex: Option<u32>| {
+            let look = |p: &Point<2>, vertex: Option<u32>| {
                 for region in tree.locate_all_at_point(*p) {
-                    let i = region.data as usize;
-                    let is_end = vertex.is_some_and(|v| chords[i].vertices.contains(&v));
-                    if !is_end && !bad[i] && self.holds(&chords[i], p) {
-                        bad[i] = true;
+                    let i = region.data;
+                    let chord = &chords[i as usize];
+                    let is_end = vertex.is_some_and(|v| chord.vertices.contains(&v));
+                    if !is_end && !is_bad(i) && self.holds(chord, p) {
+                        condemn(i);
                     }
                 }
             };
-            for v in (0..self.len()).filter(|&v| kept[v]) {
-                look(&self.points[v], Some(v as u32));
-            }
-            obstacles.iter().for_each(|p| look(p, None));
+            let vertices = (0..self.len() as u32).into_par_iter().with_min_len(AT_ONCE);
+            vertices.filter(|&v| kept[v as usize]).for_each(|v| look(&self.points[v as usize], Some(v)));
+            obstacles.par_iter().with_min_len(AT_ONCE).for_each(|p| look(p, None));
         }
+        let mut bad: Vec<bool> = bad.into_iter().map(AtomicBool::into_inner).collect();
         self.flipped(chords, &mut bad);
         (0..chords.len() as u32).filter(|&i| bad[i as usize]).collect()
     }

@@ -22,6 +22,7 @@ use crate::level::{Candidates, Choice, Rules, Seeds, select_interior};
 use crate::point::Point;
 use crate::progress::Progress;
 use crate::selection::greedy;
+use rayon::prelude::*;
 
 /// A chord that changes the area by a larger share than this is split.
 const COSTLY: f64 = 0.01;
@@ -31,6 +32,9 @@ const NEARER: f64 = 0.5;
 
 /// Rounds of that.
 const PUT_BACK: usize = 3;
+
+/// Vertices that one thread looks at in one go.
+const AT_ONCE: usize = 64;
 
 /// What selection goes by.
 #[derive(Clone, Copy)]
@@ -133,17 +137,20 @@ pub fn select_facets(
     };
     let (mut corners, mut lesser, mut order) = (Vec::new(), Vec::new(), Vec::new());
     let mut room = f.to_vec();
-    for v in (0..facets as u32).filter(|&v| !kept[v as usize] && may_stay(v)) {
+    let asked: Vec<u32> = (0..facets as u32).filter(|&v| !kept[v as usize] && may_stay(v)).collect();
+    let sharpness = |&v: &u32| {
         let at = |scale: f64| domain.stands_out(v, scale * f[v as usize], terms.cos_feature);
-        if let Some(sharpness) = at(1.0) {
-            if at(0.5).is_some() {
-                room[v as usize] /= 2.0;
-            }
-            corners.push((sharpness, v));
-        } else if let Some(sharpness) = at(0.5) {
-            lesser.push((sharpness, v));
-        } else {
-            order.push(v);
+        (v, at(1.0), at(0.5))
+    };
+    let sharp: Vec<(u32, Option<f64>, Option<f64>)> = asked.par_iter().with_min_len(AT_ONCE).map(sharpness).collect();
+    for (v, at_f, at_half) in sharp {
+        match (at_f, at_half) {
+            (Some(sharpness), _) => corners.push((sharpness, v)),
+            (None, Some(sharpness)) => lesser.push((sharpness, v)),
+            (None, None) => order.push(v),
+        }
+        if at_f.and(at_half).is_some() {
+            room[v as usize] /= 2.0;
         }
     }
     let picker = Picker::new(domain, candidates, f, terms, progress);
