@@ -104,11 +104,15 @@ fn each_domain(mut test: impl FnMut(u64, &Plane, &Domain, &Sight<'_>, &mut Rando
 fn what_lies_at_a_point_is_what_the_cell_there_says() {
     let mut count = [0; 2];
     each_domain(|seed, plane, domain, sight, random| {
-        let (eye, _) = middle(plane, &plane.cells[0]);
+        let ((eye, _), mut last) = (middle(plane, &plane.cells[0]), Seen::default());
         for x in points_of(plane, domain, random) {
-            let Some(expected) = held(plane, &x) else { continue };
-            assert_eq!(sight.look(&eye, &x, |_| false, &mut Seen::default()), expected, "seed {seed} at {x:?}");
-            count[usize::from(expected.is_some())] += 1;
+            // with a few near by, which may be known from the one before
+            let mut near = |step: f64| [0, 1].map(|k| x[k] + step * random.between(-1.0, 1.0));
+            for x in [x, near(1e-3), near(1e-2), near(1e-1)] {
+                let Some(expected) = held(plane, &x) else { continue };
+                assert_eq!(sight.look(&eye, &x, |_| false, &mut last), expected, "seed {seed} at {x:?}");
+                count[usize::from(expected.is_some())] += 1;
+            }
         }
     });
     assert!(count.iter().all(|&count| count > 1000), "{count:?}");
@@ -120,10 +124,11 @@ fn behind_closed_holes_lies_what_a_line_of_sight_tells() {
     each_domain(|seed, plane, domain, sight, random| {
         let is_gone: Vec<bool> =
             (0..domain.chains.len() as u32).map(|c| domain.is_hole(c) && random.chance(0.9)).collect();
+        let mut last = Seen::default();
         for x in points_of(plane, domain, random) {
             let (eye, is_inside) = middle(plane, &plane.cells[random.below(plane.cells.len())]);
             let Some(is_turned) = is_turned(domain, &eye, &x, &is_gone).filter(|_| is_inside) else { continue };
-            let seen = sight.look(&eye, &x, |c| is_gone[c as usize], &mut Seen::default());
+            let seen = sight.look(&eye, &x, |c| is_gone[c as usize], &mut last);
             assert_eq!(seen.is_some(), !is_turned, "seed {seed} at {x:?} from {eye:?}");
             count[usize::from(held(plane, &x) == Some(None) && !is_turned)] += 1;
         }

@@ -95,7 +95,10 @@ proptest! {
         let away = |s: usize| _core::domain::segment_distance_2(&x, &all[s][0], &all[s][1]).sqrt();
         let least = (0..all.len()).map(away).fold(f64::INFINITY, f64::min);
         match tree.nearby(&x) {
-            Some(s) => prop_assert!(away(s as usize) <= 2.000001 * least + 1e-9),
+            Some((s, reach)) => {
+                prop_assert!(away(s as usize) <= 2.000001 * least + 1e-9);
+                prop_assert!(reach <= least && reach >= 0.499999 * least - 1e-9);
+            }
             None => prop_assert!(all.is_empty()),
         }
     }

@@ -164,6 +164,18 @@ proptest! {
     }
 
     #[test]
+    fn points_whose_distance_vanishes_are_copies(points in cloud::<2>(200), how in parameters()) {
+        // beside each point one so near that squares of the way vanish, and one twice as far
+        let beside = |p: &Point<2>| [*p, [p[0] + 1e-170, p[1]], [p[0] + 2e-170, p[1] - 1e-170]];
+        let points: Vec<Point<2>> = points.iter().map(|p| p.map(|x| 1e-160 * x)).flat_map(|p| beside(&p)).collect();
+        let (g, (factor, gradation)) = (brute_nearest(&points), how);
+        let (tree, progress) = (KdTree::new(&points), Progress::default());
+        let plain = CoarseSpacing::new(&tree, &g, None, gradation);
+        let f = plain.at_points(factor, &progress)?;
+        prop_assert_eq!(plain.of_nearest().at_points(factor, &progress)?, f);
+    }
+
+    #[test]
     fn threshold_lifts_what_is_under_the_least_grown((_, g, _) in spaced::<1>(50), factor in 1.0..10.0f64) {
         let least = g.iter().copied().fold(f64::INFINITY, f64::min);
         let brute: Vec<f64> = g.iter().map(|&x| x.max(factor * least)).collect();
