@@ -43,6 +43,7 @@ CLAIMS = (
     ("hierarchy", "scipy Delaunay", "graded", 0.15),
     ("hierarchy + prolongations", "scipy Delaunay", "quasi-uniform", 0.15),
     ("hierarchy + prolongations", "scipy Delaunay", "graded", 0.18),
+    ("prolongations", "hierarchy", "quasi-uniform", 0.25),
     ("Mesh", "scipy Delaunay", "quasi-uniform", 0.04),
     ("hierarchy", "mmg, hierarchy", "quasi-uniform", 1 / 12),
     ("hierarchy", "PyAMG, Ruge-Stüben", "quasi-uniform", 1 / 2),
@@ -107,11 +108,16 @@ def medians(runs: dict[str, Callable[[], object]], repeat: int) -> dict[str, flo
 
 
 def compare(nodes: int, repeat: int) -> dict[str, dict[str, float]]:
-    """Time everybody on both inputs."""
-    return {
-        name: medians(contestants(*make(nodes)), repeat)
-        for name, make in (("quasi-uniform", inputs.quasi_uniform), ("graded", inputs.graded))
-    }
+    """Time everybody on both inputs, and the operators of hierarchies at hand."""
+    times = {}
+    for name, make in (("quasi-uniform", inputs.quasi_uniform), ("graded", inputs.graded)):
+        points, cells = make(nodes)
+        mesh = coarsen.Mesh(points, cells)
+        # operators are made once and kept: each repetition has a hierarchy of its own
+        ready = [coarsen.hierarchy(mesh) for _ in range(repeat)]
+        alone = {"prolongations": lambda ready=ready: prolongations(ready.pop())}
+        times[name] = medians(contestants(points, cells) | alone, repeat)
+    return times
 
 
 def growth(sizes: list[int], repeat: int) -> dict[str, dict[str, float]]:
