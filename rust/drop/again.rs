@@ -11,8 +11,8 @@
 //! ```
 //!
 //! A constrained Delaunay triangulation stays one outside the star of a site that goes, and a chord that goes leaves an edge to
-//! be looked at. A chord that comes is made an edge by flips (Sloan 1993). As ties are broken by the names of sites there is but one such triangulation, so that what is mended
-//! here is what would be made anew.
+//! be looked at. A chord that comes is made an edge by flips (Sloan 1993). As ties are broken by the names of sites there
+//! is but one such triangulation, so that what is mended here is what would be made anew.
 
 use super::trim::Trimmed;
 use crate::domain::Chord;
