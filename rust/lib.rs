@@ -8,6 +8,8 @@ pub mod error;
 pub mod point;
 pub mod progress;
 
+pub mod lanes;
+
 pub mod kdtree;
 pub mod segments;
 

@@ -50,7 +50,14 @@ impl Rule {
     fn possible(self, d_2: f64, sum: f64) -> bool {
         let reach = sum * self.over_beta;
         // the least normal number stands for what is lost where squares underflow
-        reach > 0.0 && d_2 <= reach * reach * ROOM + f64::MIN_POSITIVE
+        (reach > 0.0) & (d_2 <= reach * reach * ROOM + f64::MIN_POSITIVE)
+    }
+
+    /// True only where [`Rule::conflict`] is.
+    #[inline(always)]
+    fn certain(self, d_2: f64, sum: f64) -> bool {
+        let reach = sum * self.over_beta;
+        (d_2 > 0.0) & (d_2 * ROOM < reach * reach - f64::MIN_POSITIVE)
     }
 
     #[inline(always)]
@@ -207,12 +214,24 @@ impl<'a, const D: usize> Free<'a, D> {
     #[inline(always)]
     fn conflicts_in(&self, leaf: usize, mut open: Bits, x: &Point<D>, f: f64) -> Bits {
         let start = self.tree.range(leaf).start;
-        let mut bits = 0;
+        let of = |lane: u32| {
+            let q = start + lane as usize;
+            (distance_2(&self.tree.points()[q], x), f + self.f[q])
+        };
+        let (mut bits, mut doubtful) = (0, 0);
         while open != 0 {
             let lane = open.trailing_zeros();
             open &= open - 1;
-            let q = start + lane as usize;
-            bits |= Bits::from(self.rule.conflict(distance_2(&self.tree.points()[q], x), f + self.f[q])) << lane;
+            let (d_2, sum) = of(lane);
+            let certain = self.rule.certain(d_2, sum);
+            bits |= Bits::from(certain) << lane;
+            doubtful |= Bits::from(self.rule.possible(d_2, sum) & !certain) << lane;
+        }
+        while doubtful != 0 {
+            let lane = doubtful.trailing_zeros();
+            doubtful &= doubtful - 1;
+            let (d_2, sum) = of(lane);
+            bits |= Bits::from(self.rule.conflict(d_2, sum)) << lane;
         }
         bits
     }
@@ -378,4 +397,27 @@ pub fn skeleton_independent_set<const K: usize>(n: usize, cells: &[[u32; K]]) ->
         }
     }
     selected
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Rule;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_certain_is_a_conflict_and_a_conflict_is_possible(
+            sum in 0.0..4.0f64, beta in 1.0..4.0f64, share in 0.0..2.0f64, size in -330..150, ulps in -40..40i64,
+        ) {
+            let (rule, sum) = (Rule::new(beta), sum * 10f64.powi(size));
+            let reach = sum / beta;
+            let at_reach = (reach * reach).to_bits().saturating_add_signed(ulps);
+            for d_2 in [0.0, share * reach * reach, f64::from_bits(at_reach)] {
+                let conflict = d_2 > 0.0 && d_2.sqrt() < sum / beta;
+                prop_assert_eq!(rule.conflict(d_2, sum), conflict);
+                prop_assert!(!rule.certain(d_2, sum) || conflict);
+                prop_assert!(!conflict || rule.possible(d_2, sum));
+            }
+        }
+    }
 }

@@ -8,13 +8,16 @@
 //! All are exact bit for bit: the minimum over all points of the rounded formula, whatever the order in which they are
 //! met. Searches prune with bounds that are monotone in floating point only (see `kdtree`).
 
+mod few;
 mod thin;
 mod walk;
 
 use crate::error::Error;
 use crate::kdtree::{GRAIN, KdTree, LEAF};
+use crate::lanes;
 use crate::point::{Point, distance_2};
 use crate::progress::Progress;
+use few::Few;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -26,10 +29,6 @@ const NONE_APART: [f64; LEAF] = [0.0; LEAF];
 
 /// Squares of anything as great do not vanish.
 const SQUARABLE: f64 = 1e-150;
-
-/// Minima are taken in so many lanes.
-const LANES: usize = 8;
-const _: () = assert!(LEAF.is_multiple_of(LANES));
 
 /// NN_P at the points of the tree, by original index: the least distance over 0 to another point, infinite where all
 /// points coincide or there is only one.
@@ -149,7 +148,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     }
 
     /// f at locations that already are in some spatial order.
-    fn at_sorted(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
+    pub(crate) fn at_sorted(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
         let level = self.level(factor);
         in_blocks(at, progress, |points, found| {
             let mut winner = None;
@@ -195,39 +194,41 @@ fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found:
         let own = tree.range(leaf);
         let (best, rest) = found.split_at_mut(own.len());
         found = rest;
-        let (queries, around) = (&tree.points()[own], tree.bounds(leaf));
-        best.fill(f64::INFINITY);
-        let limit = Cell::new(f64::INFINITY);
-        tree.descend_from(
-            leaf,
-            |node| tree.bounds(node).gap_2(around) < limit.get(),
-            |node, range| {
-                let bounds = tree.bounds(node);
-                let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
-                for (x, best) in queries.iter().zip(best.iter_mut()) {
-                    if bounds.distance_2(x) < *best {
-                        for points in tree.points()[range.clone()].chunks(LEAF) {
-                            let least = least_apart_2(points, x);
-                            *best = if least < *best { least } else { *best };
-                        }
+        let around = tree.bounds(leaf);
+        let chunks = tree.points()[own].chunks(LEAF).zip(best.chunks_mut(LEAF));
+        for (queries, best) in chunks {
+            let mut few = Few::new(queries);
+            let limit = Cell::new(f64::INFINITY);
+            tree.descend_from(
+                leaf,
+                |node| tree.bounds(node).gap_2(around) < limit.get(),
+                |node, range| {
+                    let bounds = tree.bounds(node);
+                    let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
+                    let points = &tree.points()[lanes::whole(&range, tree.len())];
+                    let mut asked = few.asked(|x, _, best| bounds.distance_2(x) < best);
+                    while asked != 0 {
+                        let k = asked.trailing_zeros() as usize;
+                        asked &= asked - 1;
+                        let least = least_apart_2(points, few.at(k));
+                        let best = few.best_mut(k);
+                        *best = if least < *best { least } else { *best };
                     }
-                }
-                limit.set(greatest(best));
-            },
-        );
-        best.iter_mut().for_each(|value| *value = value.sqrt());
+                    limit.set(few.greatest());
+                },
+            );
+            best.iter_mut().zip(few.best()).for_each(|(value, best)| *value = best.sqrt());
+        }
     }
 }
 
-/// The least squared distance over 0 from x to up to [`LEAF`] points.
+/// The least squared distance over 0 from x to some points.
 #[inline(always)]
 fn least_apart_2<const D: usize>(points: &[Point<D>], x: &Point<D>) -> f64 {
-    let mut distances = [f64::INFINITY; LEAF];
-    for (least, p) in distances.iter_mut().zip(points) {
+    lanes::least_of(points, [], |p, []| {
         let d_2 = distance_2(p, x);
-        *least = if d_2 > 0.0 { d_2 } else { f64::INFINITY };
-    }
-    least_of(&distances)
+        if d_2 > 0.0 { d_2 } else { f64::INFINITY }
+    })
 }
 
 /// Whether two of some points may be at a (rounded) distance of 0; never so where they are sorted and apart.
@@ -237,31 +238,6 @@ fn may_have_copies<const D: usize>(points: &[Point<D>]) -> bool {
         steps().find(|&step| step != 0.0).is_some_and(|step| step >= SQUARABLE)
     };
     !points.windows(2).all(|pair| follows(&pair[0], &pair[1]))
-}
-
-/// The least value, in vector units.
-#[inline(always)]
-fn least_of(values: &[f64; LEAF]) -> f64 {
-    let mut least = [f64::INFINITY; LANES];
-    for values in values.chunks_exact(LANES) {
-        for (least, &value) in least.iter_mut().zip(values) {
-            *least = if value < *least { value } else { *least };
-        }
-    }
-    let mut width = LANES / 2;
-    while width > 0 {
-        for k in 0..width {
-            let other = least[k + width];
-            least[k] = if other < least[k] { other } else { least[k] };
-        }
-        width /= 2;
-    }
-    least[0]
-}
-
-#[inline(always)]
-fn greatest(values: &[f64]) -> f64 {
-    values.iter().fold(f64::NEG_INFINITY, |a, &b| if b > a { b } else { a })
 }
 
 /// Answers for the points of a tree, in leaf order: some leaves at once, these in parallel.

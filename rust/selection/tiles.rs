@@ -9,7 +9,7 @@
 //! Tiles are subtrees of the k-d tree of all candidates, each with its tight box; boxes of one depth meet in their sides
 //! at most. Up to [`TILE`] candidates there is a single tile, and the order is that of [`rank`].
 
-use super::{Free, Rule, prepared};
+use super::{Free, Rule, conflicting, prepared};
 use crate::error::Error;
 use crate::kdtree::KdTree;
 use crate::progress::Progress;
@@ -52,6 +52,16 @@ pub fn greedy_in_tiles<const D: usize>(
     keep: &[u32],
     progress: &Progress,
 ) -> Result<Vec<u32>, Error> {
+    let near;
+    let keep = if order.len() < keep.len() {
+        // only what conflicts with one of these matters
+        let mut is_kept = vec![false; tree.len()];
+        keep.iter().for_each(|&i| is_kept[i as usize] = true);
+        near = conflicting(tree, f, beta, order, |i| is_kept[i as usize], progress)?;
+        &near
+    } else {
+        keep
+    };
     let tiles = Tiles::new(tree, beta);
     let positions = tree.positions();
     let last = tiles.count();

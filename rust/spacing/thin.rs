@@ -6,6 +6,7 @@
 
 use super::CoarseSpacing;
 use crate::kdtree::{GRAIN, LEAF};
+use crate::lanes;
 use crate::point::distance;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -25,29 +26,37 @@ impl<const D: usize> CoarseSpacing<'_, D> {
         let tree = &*self.tree;
         let whole = tree.bounds(1);
         let far = self.gradation * distance(&whole.lo, &whole.hi) + self.gradation * VANISHING + VANISHING;
-        let is_beaten = |weight: f64, by: f64| weight - by > CLEARLY * (weight + far);
+        // what a site is beaten by is less than this
+        let enough = |weight: f64| weight - CLEARLY * (weight + far);
         let level = self.level(factor);
         let leaves: Vec<usize> = tree.leaves(1).collect();
         let sites: Vec<Vec<u32>> = leaves
             .par_chunks(GRAIN / LEAF)
             .map(|leaves| {
                 let mut sites = Vec::with_capacity(GRAIN);
-                for (leaf, range) in leaves.iter().map(|&leaf| (leaf, tree.range(leaf))) {
-                    // most are beaten by the lightest
-                    let lightest = range.clone().min_by(|&p, &q| level.weight(p).total_cmp(&level.weight(q)));
-                    for p in range.clone() {
-                        let is_beaten_before = || {
-                            known.is_some_and(|(factor, f)| is_beaten(factor * self.g[p], f[tree.order()[p] as usize]))
-                        };
-                        let (weight, x) = (level.weight(p), &tree.points()[p]);
-                        let is_beaten_here = || {
-                            lightest.is_some_and(|lightest| is_beaten(weight, level.cone(lightest, x)))
-                                || is_beaten(weight, level.least_cone(leaf, range.clone(), x))
-                        };
-                        let has_cap = self.cap.as_ref().is_some_and(|cap| cap.at[p] < f64::INFINITY);
-                        if has_cap || !(is_beaten_before() || is_beaten_here()) {
-                            sites.push(p as u32);
+                for &leaf in leaves {
+                    let all = tree.range(leaf);
+                    let is_beaten = |p: usize| {
+                        known.is_some_and(|(factor, f)| f[tree.order()[p] as usize] < enough(factor * self.g[p]))
+                            || level.least_cone(leaf, all.clone(), &tree.points()[p]) < enough(level.weight(p))
+                    };
+                    let has_cap = |p: usize| self.cap.as_ref().is_some_and(|cap| cap.at[p] < f64::INFINITY);
+                    let lightest = all.clone().find(|&p| level.weight(p) == level.least[leaf]);
+                    for first in all.clone().step_by(LEAF) {
+                        let range = first..all.end.min(first + LEAF);
+                        // most are beaten by the lightest
+                        let mut rest = lightest.map_or(u32::MAX, |lightest| {
+                            let (weight, at) = (level.weight(lightest), &tree.points()[lightest]);
+                            let (points, g) = (&tree.points()[range.clone()], &self.g[range.clone()]);
+                            lanes::bits(points, g, |x, g| {
+                                weight + self.gradation * distance(at, x) >= enough(factor * g)
+                            })
+                        });
+                        if level.has_cap(leaf) {
+                            rest = u32::MAX;
                         }
+                        let left = |p: &usize| rest >> (p - first) & 1 != 0 && (has_cap(*p) || !is_beaten(*p));
+                        sites.extend(range.filter(left).map(|p| p as u32));
                     }
                 }
                 sites

@@ -3,8 +3,10 @@
 //! Queries go in blocks of neighbours: one walk serves a block, with its box in place of the point, and starts from what
 //! is known already: C g at the query itself, and the site that won at the query before.
 
-use super::{CoarseSpacing, greatest, least_of};
-use crate::kdtree::{Bounds, LEAF};
+use super::CoarseSpacing;
+use super::few::Few;
+use crate::kdtree::Bounds;
+use crate::lanes;
 use crate::point::{Point, distance};
 use std::cell::Cell;
 use std::ops::Range;
@@ -57,41 +59,27 @@ impl<const D: usize> Level<'_, '_, D> {
         self.weight(position) + self.spacing.gradation * distance(&self.spacing.tree.points()[position], x)
     }
 
-    /// The least cone of a leaf at x.
-    ///
-    /// Written for vector units: the cones one by one without a branch, then their minimum.
+    /// Whether a site of a node may be held down.
     #[inline(always)]
-    pub(super) fn least_cone(&self, node: usize, range: Range<usize>, x: &Point<D>) -> f64 {
-        let has_cap = self.spacing.cap.as_ref().is_some_and(|cap| cap.least[node] < f64::INFINITY);
-        let mut least = f64::INFINITY;
-        for start in range.clone().step_by(LEAF) {
-            let some = self.least_of_few(has_cap, start..range.end.min(start + LEAF), x);
-            least = if some < least { some } else { least };
-        }
-        least
+    pub(super) fn has_cap(&self, node: usize) -> bool {
+        self.spacing.cap.as_ref().is_some_and(|cap| cap.least[node] < f64::INFINITY)
     }
 
-    /// The least cone of up to [`LEAF`] sites at x.
+    /// The least cone of a leaf at x; some sites that follow it may take part.
+    ///
+    /// Written for vector units: whole lanes without a branch, then their minimum.
     #[inline(always)]
-    fn least_of_few(&self, has_cap: bool, range: Range<usize>, x: &Point<D>) -> f64 {
-        let slope = self.spacing.gradation;
-        let mut cones = [f64::INFINITY; LEAF];
-        let cones_of =
-            cones.iter_mut().zip(&self.spacing.tree.points()[range.clone()]).zip(&self.spacing.g[range.clone()]);
+    pub(super) fn least_cone(&self, node: usize, range: Range<usize>, x: &Point<D>) -> f64 {
+        let (tree, factor, slope) = (&*self.spacing.tree, self.factor, self.spacing.gradation);
+        let range = lanes::whole(&range, tree.len());
+        let (points, g) = (&tree.points()[range.clone()], &self.spacing.g[range.clone()]);
         match &self.spacing.cap {
-            Some(cap) if has_cap => {
-                for (((cone, p), g), &cap) in cones_of.zip(&cap.at[range]) {
-                    let grown = self.factor * g;
-                    *cone = (if cap < grown { cap } else { grown }) + slope * distance(p, x);
-                }
-            }
-            _ => {
-                for ((cone, p), g) in cones_of {
-                    *cone = self.factor * g + slope * distance(p, x);
-                }
-            }
+            Some(cap) if self.has_cap(node) => lanes::least_of(points, [g, &cap.at[range]], |p, [g, cap]| {
+                let grown = factor * g;
+                (if cap < grown { cap } else { grown }) + slope * distance(p, x)
+            }),
+            _ => lanes::least_of(points, [g], |p, [g]| factor * g + slope * distance(p, x)),
         }
-        least_of(&cones)
     }
 
     /// f at a few neighbours.
@@ -125,48 +113,104 @@ impl<const D: usize> Level<'_, '_, D> {
         winner: &mut Winner,
     ) {
         let (tree, slope) = (&*self.spacing.tree, self.spacing.gradation);
-        for (k, (x, best)) in points.iter().zip(best.iter_mut()).enumerate() {
+        let mut few = Few::new(points);
+        for (k, x) in points.iter().enumerate() {
             let own = home.map_or(f64::INFINITY, |home| self.weight(home.first + k));
             let known = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
-            *best = if known < own { known } else { own };
+            *few.best_mut(k) = if known < own { known } else { own };
+            few.set_apart(k, apart[k]);
         }
         // what is known of the leaf of the queries holds for it too
         let lone_home = home.filter(|home| !home.has_copies).map_or(0, |home| home.leaf);
-        let limit = Cell::new(greatest(best));
+        let steep = slope * slope;
+        let limit = Cell::new(lifted(few.greatest()));
         // the leaf that won last, and the query there: which of its sites it was is asked once, at the end
         let mut last = None;
         tree.descend_from(
             start,
-            |node| self.least[node] + slope * tree.bounds(node).gap_2(around).sqrt() < limit.get(),
+            |node| over(steep * tree.bounds(node).gap_2(around), limit.get(), self.least[node]) <= VANISHING,
             |node, range| {
                 let (bounds, least) = (tree.bounds(node), self.least[node]);
                 // copies of one point: a minimum of rounded sums is the rounded sum with the minimum
                 let lone = bounds.is_location();
-                let mut bound = [0.0; LEAF];
-                for ((x, &apart), bound) in points.iter().zip(apart).zip(&mut bound) {
-                    let near = bounds.distance_2(x).sqrt();
+                let mut asked = few.asked(|x, apart_2, best| {
+                    let near = bounds.distance_2(x);
                     // at no distance there may be a copy of the query
-                    let is_apart = near > 0.0 || node == lone_home;
-                    let near = if is_apart && near < apart { apart } else { near };
-                    *bound = least + slope * near;
-                }
-                for (k, ((x, &bound), best)) in points.iter().zip(&bound).zip(best.iter_mut()).enumerate() {
-                    if bound < *best {
-                        let value = if lone { bound } else { self.least_cone(node, range.clone(), x) };
-                        if value < *best {
-                            *best = value;
-                            last = Some((if lone { range.start..range.start + 1 } else { range.clone() }, k));
-                        }
+                    let is_apart = (near > 0.0) | (node == lone_home);
+                    let near = if is_apart & (near < apart_2) { apart_2 } else { near };
+                    over(steep * near, lifted(best), least) <= VANISHING
+                });
+                while asked != 0 {
+                    let k = asked.trailing_zeros() as usize;
+                    asked &= asked - 1;
+                    let x = few.at(k);
+                    let value = if lone {
+                        least + slope * bounds.distance_2(x).sqrt()
+                    } else {
+                        self.least_cone(node, range.clone(), x)
+                    };
+                    let best = few.best_mut(k);
+                    if value < *best {
+                        *best = value;
+                        last = Some((node, k));
                     }
                 }
-                limit.set(greatest(best));
+                limit.set(lifted(few.greatest()));
             },
         );
-        if let Some((mut range, k)) = last {
-            let any = range.start;
-            *winner = range.find(|&p| self.cone(p, &points[k]) == best[k]).or(Some(any));
+        best.copy_from_slice(few.best());
+        if let Some((node, k)) = last {
+            let range = tree.range(node);
+            let (first, looked_at) = (range.start, if tree.bounds(node).is_location() { 1 } else { range.len() });
+            *winner = range.take(looked_at).find(|&p| self.cone(p, &points[k]) == best[k]).or(Some(first));
         } else if let Some(home) = home {
             *winner = Some(home.first + points.len() - 1);
         }
+    }
+}
+
+/// Squares under this may be nothing but what rounding left of them.
+const VANISHING: f64 = f64::MIN_POSITIVE;
+
+/// How far the square of a way is over that of what a weight leaves under a limit. At most [`VANISHING`] wherever weight and
+/// way together are less than what was [`lifted`], whatever rounding does; spares a root.
+#[inline(always)]
+fn over(way_2: f64, lifted: f64, weight: f64) -> f64 {
+    let room = lifted - weight;
+    let over = way_2 - room * room;
+    if room > 0.0 { over } else { f64::INFINITY }
+}
+
+/// A little more than a limit.
+#[inline(always)]
+fn lifted(limit: f64) -> f64 {
+    const LIFT: f64 = 1.0 + 1e-12;
+    LIFT * limit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{VANISHING, lifted, over};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_site_under_the_limit_is_passed_over(
+            weight in 0.0..4.0f64, way in 0.0..4.0f64, slope in 0.0..1.0f64, size in -330..150, ulps in 0..4u64,
+        ) {
+            let size = 10f64.powi(size);
+            let (weight, way) = (weight * size, way * size);
+            let way_2 = way * way;
+            // the least limit, and a few beyond
+            let limit = f64::from_bits((weight + slope * way_2.sqrt()).to_bits() + 1 + ulps);
+            prop_assert!(over(slope * slope * way_2, lifted(limit), weight) <= VANISHING);
+        }
+    }
+
+    #[test]
+    fn what_is_far_over_the_limit_is_passed_over() {
+        assert!(over(1.0, lifted(1.5), 0.6) > VANISHING);
+        assert!(over(0.0, lifted(0.5), 0.6) > VANISHING);
+        assert!(over(0.0, lifted(f64::INFINITY), 0.6) <= VANISHING);
     }
 }
