@@ -5,11 +5,11 @@ use crate::error::Error;
 use crate::kdtree::KdTree;
 use crate::level::Candidates;
 use crate::selection::{Known, conflicting, greedy_in_tiles};
-use crate::spacing::threshold;
+use crate::spacing::{CoarseSpacing, threshold};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// The set that the first pool is made of is dense enough but where f_{1+m} / C^m is less than this share of f_1.
+/// The set that a pool is made of is dense enough but where f_i / C^m is less than this share of what it was made with.
 const STEEP: f64 = 0.7;
 
 pub(crate) struct Pool<'a> {
@@ -41,15 +41,31 @@ impl Builder<'_> {
     pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
         let factor = self.factor(i);
         match self.spacing {
-            Spacing::Function(spacing) => match &self.thin {
-                Some((least, thin)) if factor >= *least => thin,
-                _ => spacing,
+            Spacing::Function(all) => self.sites(all, factor).at_tree(factor, &pool.candidates.tree, self.progress),
+            Spacing::Threshold { g, held } => Ok(under_threshold(g, held, factor, &pool.members)),
+        }
+    }
+
+    /// f_i at some candidates of a pool, ascending, which is a spatial order.
+    fn spacing_at(&self, i: usize, pool: &Pool<'_>, picked: &[u32]) -> Result<Vec<f64>, Error> {
+        let factor = self.factor(i);
+        match self.spacing {
+            Spacing::Function(all) => {
+                let points: Vec<_> = picked.par_iter().map(|&k| pool.candidates.points[k as usize]).collect();
+                self.sites(all, factor).at_sorted(factor, &points, self.progress)
             }
-            .at_tree(factor, &pool.candidates.tree, self.progress),
             Spacing::Threshold { g, held } => {
-                let own = threshold(g, factor);
-                Ok(pool.members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect())
+                let members: Vec<u32> = picked.iter().map(|&k| pool.members[k as usize]).collect();
+                Ok(under_threshold(g, held, factor, &members))
             }
+        }
+    }
+
+    /// The spacing over as few sites as a factor allows.
+    fn sites<'s>(&'s self, all: &'s CoarseSpacing<'_, 2>, factor: f64) -> &'s CoarseSpacing<'s, 2> {
+        match &self.thin {
+            Some((least, thin)) if factor >= *least => thin,
+            _ => all,
         }
     }
 
@@ -63,12 +79,10 @@ impl Builder<'_> {
         let wanted = if is_fine { 0 } else { i.saturating_sub(self.lag).max(1) };
         while self.pools.len() <= wanted {
             self.progress.check()?;
-            let pool = if self.pools.len() == 1 {
-                self.first_pool()?
-            } else {
+            if self.pools.len() > 1 {
                 self.thin_sites(self.pools.len() + self.lag);
-                self.next_pool()?
-            };
+            }
+            let pool = self.next_pool()?;
             self.pools.push(pool);
         }
         Ok(wanted)
@@ -91,50 +105,44 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The pool of level 1 + m: the first set, and more where that set is too thin.
-    fn first_pool(&self) -> Result<Pool<'static>, Error> {
-        let (all, facets, level) = (&self.pools[0], self.domain.len(), 1 + self.lag);
-        let (beta, finer) = (self.options.rules.beta, self.factor(self.lag));
-        let Some(known) = &self.known else { return Err(Error::Internal("the first set is not there".into())) };
-        let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
-        let mut pool = all.subset(&picked, known.set.len());
-        pool.f = self.spacing_in(level, &pool)?;
-
-        let is_steep = |&(&k, f): &(&u32, &f64)| f / finer < STEEP * known.f[k as usize];
-        let steep: Vec<u32> = picked.iter().zip(&pool.f).skip(facets).filter(is_steep).map(|(&k, _)| k).collect();
-        let mut is_out = vec![true; all.members.len()];
-        picked.iter().for_each(|&k| is_out[k as usize] = false);
-        let tree = &all.candidates.tree;
-        let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;
-        if around.is_empty() {
-            return Ok(pool);
-        }
-        let at_around = self.spacing_in(level, &all.subset(&around, 0))?;
-        let mut f = vec![f64::NAN; all.members.len()];
-        let values = picked.iter().zip(&pool.f).chain(around.iter().zip(&at_around));
-        values.for_each(|(&k, &value)| f[k as usize] = value);
-        let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
-        picked.extend(greedy_in_tiles(tree, &scaled, beta, &around, &known.set, self.progress)?);
-        picked.sort_unstable();
-        let mut pool = all.subset(&picked, known.set.len() + around.len());
-        pool.f = picked.iter().map(|&k| f[k as usize]).collect();
-        Ok(pool)
-    }
-
-    /// The pool after the last: a maximal independent set of that one, under the spacing of its level over C^m.
+    /// The pool after the last, for level i: a maximal independent set of it under about f_i / C^m, and more where that
+    /// set is too thin.
+    ///
+    /// What is about that is at hand: f_1 for the first pool, and f_{i-1} / C^{m-1} for those after it.
     fn next_pool(&self) -> Result<Pool<'static>, Error> {
-        let last = &self.pools[self.pools.len() - 1];
-        let (facets, finer) = (self.domain.len() as u32, self.factor(self.lag));
-        let f = self.spacing_in(self.pools.len() + self.lag, last)?;
-        let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
-        let order: Vec<u32> = (facets..last.members.len() as u32).collect();
+        let (last, facets, i) = (&self.pools[self.pools.len() - 1], self.domain.len(), self.pools.len() + self.lag);
+        let (tree, n) = (&last.candidates.tree, last.members.len());
+        let (beta, finer) = (self.options.rules.beta, self.factor(self.lag));
+        let scaled;
+        let known = match &self.known {
+            Some(first) if self.pools.len() == 1 => first,
+            _ => {
+                let f = last.f.iter().map(|f| f / self.factor(self.lag - 1)).collect();
+                let order: Vec<u32> = (facets as u32..n as u32).collect();
+                scaled = Known::new(tree, f, beta, &order, self.progress)?;
+                &scaled
+            }
+        };
         // ascending, so that the spatial order of the finest pool stays
-        let chosen =
-            greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
-        let picked: Vec<u32> = (0..facets).chain(chosen).collect();
-        let mut pool = last.subset(&picked, order.len());
-        pool.f = picked.iter().map(|&k| f[k as usize]).collect();
-        Ok(pool)
+        let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
+        let mut f = self.spacing_at(i, last, &picked)?;
+        let is_steep = |&(&k, f): &(&u32, &f64)| f / finer < STEEP * known.f[k as usize];
+        let steep: Vec<u32> = picked.iter().zip(&f).skip(facets).filter(is_steep).map(|(&k, _)| k).collect();
+        let mut is_out = vec![true; n];
+        picked.iter().for_each(|&k| is_out[k as usize] = false);
+        let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;
+        if !around.is_empty() {
+            let mut at_all = vec![f64::NAN; n];
+            let at_around = self.spacing_at(i, last, &around)?;
+            let values = picked.iter().zip(&f).chain(around.iter().zip(&at_around));
+            values.for_each(|(&k, &value)| at_all[k as usize] = value);
+            let scaled: Vec<f64> = at_all.par_iter().map(|value| value / finer).collect();
+            picked.extend(greedy_in_tiles(tree, &scaled, beta, &around, &known.set, self.progress)?);
+            picked.sort_unstable();
+            f = picked.iter().map(|&k| at_all[k as usize]).collect();
+        }
+        let looked_at = if self.pools.len() == 1 { known.set.len() } else { n - facets };
+        Ok(Pool { f, ..last.subset(&picked, looked_at + around.len()) })
     }
 
     /// Leaves out the sites that win nowhere from level i on, where f is to be found at few candidates.
@@ -151,4 +159,10 @@ impl Builder<'_> {
         };
         self.thin = Some((factor, thin));
     }
+}
+
+/// The threshold at some candidates of the finest pool, held under the gaps of the domain.
+fn under_threshold(g: &[f64], held: &[f64], factor: f64, members: &[u32]) -> Vec<f64> {
+    let own = threshold(g, factor);
+    members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect()
 }
