@@ -114,14 +114,15 @@ impl Builder<'_> {
         let (tree, n) = (&last.candidates.tree, last.members.len());
         let (beta, finer) = (self.options.rules.beta, self.factor(self.lag));
         let scaled;
-        let known = match &self.known {
-            Some(first) if self.pools.len() == 1 => first,
-            _ => {
-                let f = last.f.iter().map(|f| f / self.factor(self.lag - 1)).collect();
-                let order: Vec<u32> = (facets as u32..n as u32).collect();
-                scaled = Known::new(tree, f, beta, &order, self.progress)?;
-                &scaled
-            }
+        let (known, looked_at) = if self.pools.len() == 1 {
+            let first = self.known.as_ref();
+            let first = first.ok_or_else(|| Error::Internal("the first set is not there".into()))?;
+            (first, first.set.len())
+        } else {
+            let f = last.f.iter().map(|f| f / self.factor(self.lag - 1)).collect();
+            let order: Vec<u32> = (facets as u32..n as u32).collect();
+            scaled = Known::new(tree, f, beta, &order, self.progress)?;
+            (&scaled, order.len())
         };
         // ascending, so that the spatial order of the finest pool stays
         let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
@@ -141,7 +142,6 @@ impl Builder<'_> {
             picked.sort_unstable();
             f = picked.iter().map(|&k| at_all[k as usize]).collect();
         }
-        let looked_at = if self.pools.len() == 1 { known.set.len() } else { n - facets };
         Ok(Pool { f, ..last.subset(&picked, looked_at + around.len()) })
     }
 

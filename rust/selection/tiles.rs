@@ -52,12 +52,13 @@ pub fn greedy_in_tiles<const D: usize>(
     keep: &[u32],
     progress: &Progress,
 ) -> Result<Vec<u32>, Error> {
-    let near;
+    let mut near;
     let keep = if order.len() < keep.len() {
-        // only what conflicts with one of these matters
+        // only what conflicts with one of these matters, and what is one of them
         let mut is_kept = vec![false; tree.len()];
         keep.iter().for_each(|&i| is_kept[i as usize] = true);
         near = conflicting(tree, f, beta, order, |i| is_kept[i as usize], progress)?;
+        near.extend(order.iter().filter(|&&i| is_kept[i as usize]));
         &near
     } else {
         keep

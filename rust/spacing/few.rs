@@ -52,7 +52,8 @@ impl<const D: usize> Few<D> {
         self.apart_2.as_flattened_mut()[k] = apart * apart;
     }
 
-    /// The queries, as bits, for which something holds; it is told their places, their distances from other sites, squared, and their best answers.
+    /// The queries, as bits, for which something holds; it is told their places, what other sites are apart from them at
+    /// least, squared, and their best answers.
     #[inline(always)]
     pub(super) fn asked(&self, asks: impl Fn(&Point<D>, f64, f64) -> bool) -> u32 {
         let mut asked = 0;

@@ -45,17 +45,11 @@ impl<const D: usize> CoarseSpacing<'_, D> {
                     for first in all.clone().step_by(LEAF) {
                         let range = first..all.end.min(first + LEAF);
                         // most are beaten by the lightest
-                        let mut rest = lightest.map_or(u32::MAX, |lightest| {
-                            let (weight, at) = (level.weight(lightest), &tree.points()[lightest]);
+                        let beaten = lightest.filter(|_| !level.has_cap(leaf)).map_or(0, |lightest| {
                             let (points, g) = (&tree.points()[range.clone()], &self.g[range.clone()]);
-                            lanes::bits(points, g, |x, g| {
-                                weight + self.gradation * distance(at, x) >= enough(factor * g)
-                            })
+                            lanes::bits(points, g, |x, g| level.cone(lightest, x) < enough(factor * g))
                         });
-                        if level.has_cap(leaf) {
-                            rest = u32::MAX;
-                        }
-                        let left = |p: &usize| rest >> (p - first) & 1 != 0 && (has_cap(*p) || !is_beaten(*p));
+                        let left = |p: &usize| beaten >> (p - first) & 1 == 0 && (has_cap(*p) || !is_beaten(*p));
                         sites.extend(range.filter(left).map(|p| p as u32));
                     }
                 }
