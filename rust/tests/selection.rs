@@ -6,7 +6,7 @@ use _core::kdtree::KdTree;
 use _core::point::{Point, distance};
 use _core::progress::Progress;
 use _core::selection::{
-    Known, conflict_graph, conflicting, greedy, greedy_after, greedy_in_tiles, skeleton_independent_set,
+    Known, conflict_graph, conflicting, greedy, greedy_after, greedy_in_tiles, rank, skeleton_independent_set,
 };
 use clouds::{cloud, extent, values};
 use proptest::prelude::*;
@@ -103,6 +103,22 @@ proptest! {
         expected.extend(begun);
         expected.sort_unstable();
         prop_assert_eq!(greedy_after(&tree, &lower, beta, &asked, &keep, &known, &progress)?, expected);
+    }
+
+    #[test]
+    fn few_beside_many_that_stay_are_chosen_in_their_order(
+        (points, f, beta, order, keep) in case::<2>(90), few in 0..8usize,
+    ) {
+        let (tree, progress) = (KdTree::new(&points), Progress::default());
+        let (few, many) = order.split_at(few.min(order.len()));
+        let mut few = few.to_vec();
+        few.sort_unstable();
+        let stay: Vec<u32> = keep.iter().chain(many).copied().collect();
+        let mut ranked = few.clone();
+        rank(&mut ranked, &f);
+        let mut expected = greedy(&tree, &f, beta, &ranked, &stay, &progress)?;
+        expected.sort_unstable();
+        prop_assert_eq!(greedy_in_tiles(&tree, &f, beta, &few, &stay, &progress)?, expected);
     }
 
     #[test]
