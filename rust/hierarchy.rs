@@ -2,11 +2,11 @@
 //! each finer level keeping the nodes of the coarser one, so that levels are node-nested (Lemma 3.6).
 //!
 //! Candidates. As printed, every level looks at every node. With `pool`, level i draws its interior nodes from a
-//! maximal independent set made with about the spacing f_i / C^m (C^m >= 4, so this pool is much finer than the level),
-//! which was drawn from the pool of level i - 1 in turn. The first pool is made with f_1 from all nodes, the others with
-//! f_{i-1} / C^{m-1}, for f is then known at few nodes only; where f_i / C^m is clearly less, nodes are added under this. The first pool
-//! also serves the levels before its own that are at least about twice as coarse as it, and level 1 begins with its set.
-//! Facet vertices are candidates on every level. The work over all levels is then O(n).
+//! maximal independent set made with the spacing f_i / C^m (C^m >= 4, so this pool is much finer than the level), which
+//! was drawn from the pool of level i - 1 in turn. The first pool is made with f_1 from all nodes, where f_{1+m} / C^m is
+//! about that; elsewhere nodes are added under this. It also serves the levels before its own that are at least about twice as
+//! coarse as it, and level 1 begins with that first set. Facet vertices are candidates on every level. The work over
+//! all levels is then O(n).
 //!
 //! Depth. The paper takes the number of levels k as given. Without one, k is the first level whose own (not nested) mesh
 //! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.

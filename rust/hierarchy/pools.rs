@@ -9,7 +9,7 @@ use crate::spacing::{CoarseSpacing, threshold};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// The set that a pool is made of is dense enough but where f_i / C^m is less than this share of what it was made with.
+/// The set that the first pool is made of is dense enough but where f_{1+m} / C^m is less than this share of f_1.
 const STEEP: f64 = 0.7;
 
 pub(crate) struct Pool<'a> {
@@ -79,10 +79,12 @@ impl Builder<'_> {
         let wanted = if is_fine { 0 } else { i.saturating_sub(self.lag).max(1) };
         while self.pools.len() <= wanted {
             self.progress.check()?;
-            if self.pools.len() > 1 {
+            let pool = if self.pools.len() == 1 {
+                self.first_pool()?
+            } else {
                 self.thin_sites(self.pools.len() + self.lag);
-            }
-            let pool = self.next_pool()?;
+                self.next_pool()?
+            };
             self.pools.push(pool);
         }
         Ok(wanted)
@@ -105,28 +107,14 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The pool after the last, for level i: a maximal independent set of it under about f_i / C^m, and more where that
-    /// set is too thin.
-    ///
-    /// What is about that is at hand: f_1 for the first pool, and f_{i-1} / C^{m-1} for those after it.
-    fn next_pool(&self) -> Result<Pool<'static>, Error> {
-        let (last, facets, i) = (&self.pools[self.pools.len() - 1], self.domain.len(), self.pools.len() + self.lag);
-        let (tree, n) = (&last.candidates.tree, last.members.len());
+    /// The pool of level 1 + m: the first set, and more where that set is too thin.
+    fn first_pool(&self) -> Result<Pool<'static>, Error> {
+        let (all, facets, level) = (&self.pools[0], self.domain.len(), 1 + self.lag);
+        let (tree, n) = (&all.candidates.tree, all.members.len());
         let (beta, finer) = (self.options.rules.beta, self.factor(self.lag));
-        let scaled;
-        let (known, looked_at) = if self.pools.len() == 1 {
-            let first = self.known.as_ref();
-            let first = first.ok_or_else(|| Error::Internal("the first set is not there".into()))?;
-            (first, first.set.len())
-        } else {
-            let f = last.f.iter().map(|f| f / self.factor(self.lag - 1)).collect();
-            let order: Vec<u32> = (facets as u32..n as u32).collect();
-            scaled = Known::new(tree, f, beta, &order, self.progress)?;
-            (&scaled, order.len())
-        };
-        // ascending, so that the spatial order of the finest pool stays
+        let Some(known) = &self.known else { return Err(Error::Internal("the first set is not there".into())) };
         let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
-        let mut f = self.spacing_at(i, last, &picked)?;
+        let mut f = self.spacing_at(level, all, &picked)?;
         let is_steep = |&(&k, f): &(&u32, &f64)| f / finer < STEEP * known.f[k as usize];
         let steep: Vec<u32> = picked.iter().zip(&f).skip(facets).filter(is_steep).map(|(&k, _)| k).collect();
         let mut is_out = vec![true; n];
@@ -134,7 +122,7 @@ impl Builder<'_> {
         let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;
         if !around.is_empty() {
             let mut at_all = vec![f64::NAN; n];
-            let at_around = self.spacing_at(i, last, &around)?;
+            let at_around = self.spacing_at(level, all, &around)?;
             let values = picked.iter().zip(&f).chain(around.iter().zip(&at_around));
             values.for_each(|(&k, &value)| at_all[k as usize] = value);
             let scaled: Vec<f64> = at_all.par_iter().map(|value| value / finer).collect();
@@ -142,7 +130,22 @@ impl Builder<'_> {
             picked.sort_unstable();
             f = picked.iter().map(|&k| at_all[k as usize]).collect();
         }
-        Ok(Pool { f, ..last.subset(&picked, looked_at + around.len()) })
+        Ok(Pool { f, ..all.subset(&picked, known.set.len() + around.len()) })
+    }
+
+    /// The pool after the last: a maximal independent set of that one, under the spacing of its level over C^m.
+    fn next_pool(&self) -> Result<Pool<'static>, Error> {
+        let last = &self.pools[self.pools.len() - 1];
+        let (facets, finer) = (self.domain.len() as u32, self.factor(self.lag));
+        let f = self.spacing_in(self.pools.len() + self.lag, last)?;
+        let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
+        let order: Vec<u32> = (facets..last.members.len() as u32).collect();
+        // ascending, so that the spatial order of the finest pool stays
+        let chosen =
+            greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
+        let picked: Vec<u32> = (0..facets).chain(chosen).collect();
+        let f = picked.iter().map(|&k| f[k as usize]).collect();
+        Ok(Pool { f, ..last.subset(&picked, order.len()) })
     }
 
     /// Leaves out the sites that win nowhere from level i on, where f is to be found at few candidates.

@@ -4,10 +4,9 @@ Level i is spaced by the C^i-coarsening of the input's spacing, coarsest level f
 of the coarser one, so that levels are node-nested (Lemma 3.6).
 
 As printed, every level looks at every node. With ``candidates="pool"``, level i draws its interior nodes from a maximal
-independent set made with about the spacing f_i / C^m (C^m >= 4), which was drawn from the pool of level i - 1 in turn.
-The first pool is made with f_1 from all nodes, the others with f_{i-1} / C^{m-1}; where f_i / C^m is clearly less,
-nodes are added under this. The first also serves the levels before its own that are at least about twice as coarse as
-it, and level 1 begins with its set.
+independent set made with the spacing f_i / C^m (C^m >= 4), which was drawn from the pool of level i - 1 in turn. The
+first pool is made with f_1 from all nodes, where f_{1+m} / C^m is about that; elsewhere nodes are added under this. It
+also serves the levels before its own that are at least about twice as coarse as it, and level 1 begins with that set.
 
 The paper takes the number of levels as given. Without one, it is the first level whose own (not nested) mesh has at
 most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
@@ -48,7 +47,7 @@ if TYPE_CHECKING:
 LEAST_RATIO = 1.9
 """How much finer than a level the pool must be that it draws from, where that pool serves several levels."""
 STEEP = 0.7
-"""A pool's first set is dense enough but where f_i / C^m is less than this share of what it was made with."""
+"""The set that the first pool is made of is dense enough but where f_{1+m} / C^m is less than this share of f_1."""
 MIN_ANGLE = 25.0
 """Degrees that the guard works for where nothing is said, but with features="plain"."""
 STALL = 0.95
@@ -171,7 +170,7 @@ class Builder:
         is_fine = power(self.options.factor, i) < LEAST_RATIO * power(self.options.factor, 1)
         wanted = 0 if is_fine else max(i - self.lag, 1)
         while len(self.pools) <= wanted:
-            self.pools.append(self.next_pool())
+            self.pools.append(self.first_pool() if len(self.pools) == 1 else self.next_pool())
         return wanted
 
     def first_set(self) -> tuple[Floats, Ints]:
@@ -182,32 +181,32 @@ class Builder:
             self.known = f, greedy_in_tiles(self.pools[0].candidates.points, f, self.rules.beta, order, none)
         return self.known
 
-    def next_pool(self) -> Pool:
-        """Return the pool after the last, for level i.
-
-        A maximal independent set of the last one under about f_i / C^m, and more where that set is too thin. What is
-        about that is at hand: f_1 for the first pool, and f_{i-1} / C^{m-1} for those after it.
-        """
-        last, facets, i = self.pools[-1], len(self.domain), len(self.pools) + self.lag
-        points, finer = last.candidates.points, power(self.options.factor, self.lag)
-        order, none = np.arange(facets, len(points)), np.empty(0, np.int64)
-        if len(self.pools) == 1:
-            scaled, chosen = self.first_set()
-            looked_at = len(chosen)
-        else:
-            scaled = last.f / power(self.options.factor, self.lag - 1)
-            chosen = greedy_in_tiles(points, scaled, self.rules.beta, order, none)
-            looked_at = len(order)
+    def first_pool(self) -> Pool:
+        """Return the pool of level 1 + m: the first set, and more where that set is too thin."""
+        finest, facets, level = self.pools[0], len(self.domain), 1 + self.lag
+        points, finer = finest.candidates.points, power(self.options.factor, self.lag)
+        f_1, first = self.first_set()
         f = np.full(len(points), np.nan)
-        picked = np.concatenate([np.arange(facets), chosen])
-        f[picked] = self.spacing_in(i, subset(last, picked))
-        steep = chosen[f[chosen] / finer < STEEP * scaled[chosen]]
-        around = conflicting(points, scaled, self.rules.beta, steep, np.setdiff1d(order, chosen))
+        picked = np.concatenate([np.arange(facets), first])
+        f[picked] = self.spacing_in(level, subset(finest, picked))
+        steep = first[f[first] / finer < STEEP * f_1[first]]
+        others = np.setdiff1d(np.arange(facets, len(points)), first)
+        around = conflicting(points, f_1, self.rules.beta, steep, others)
         if len(around):
-            f[around] = self.spacing_in(i, subset(last, around))
-            added = greedy_in_tiles(points, f / finer, self.rules.beta, around, chosen)
+            f[around] = self.spacing_in(level, subset(finest, around))
+            added = greedy_in_tiles(points, f / finer, self.rules.beta, around, first)
             picked = np.sort(np.concatenate([picked, added]))
-        return replace(subset(last, picked), f=f[picked], visits=looked_at + len(around))
+        return replace(subset(finest, picked), f=f[picked], visits=len(first) + len(around))
+
+    def next_pool(self) -> Pool:
+        """Return the pool after the last: a maximal independent set of it, under the spacing of its level over C^m."""
+        last, facets = self.pools[-1], len(self.domain)
+        f = self.spacing_in(len(self.pools) + self.lag, last)
+        finer = f / power(self.options.factor, self.lag)
+        order, none = np.arange(facets, len(f)), np.empty(0, np.int64)
+        chosen = greedy_in_tiles(last.candidates.points, finer, self.rules.beta, order, none)
+        picked = np.concatenate([np.arange(facets), chosen])
+        return replace(subset(last, picked), f=f[picked], visits=len(order))
 
     def freed(self) -> Builder:
         """Return the same builder with a spacing that is not held under the gaps of the domain."""
