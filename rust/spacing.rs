@@ -6,7 +6,7 @@
 //! - `threshold`: 3.4.
 //!
 //! All are exact bit for bit: the minimum over all points of the rounded formula, whatever the order in which they are
-//! met. Searches prune with bounds that are monotone in floating point only (see `kdtree`).
+//! met. Searches prune with bounds that are monotone in floating point (see `kdtree`), or leave room for rounding (`walk`).
 
 mod few;
 mod thin;
