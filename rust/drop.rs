@@ -196,7 +196,7 @@ impl<'a> Ground<'a> {
     /// Takes nodes without a cell, and other sites, out of a choice; whether there were any.
     fn take_out(&self, choice: &mut Choice, cells: &trim::Trimmed, victims: &[u32]) -> bool {
         let mut used = vec![false; cells.sites.len()];
-        cells.alive().for_each(|t| cells.cells.cells[t].iter().for_each(|&s| used[s as usize] = true));
+        cells.alive().for_each(|t| cells.cells[t].corners.iter().for_each(|&s| used[s as usize] = true));
         victims.iter().for_each(|&s| used[s as usize] = false);
         let facets = self.domain.len() as u32;
         let mut lost = std::collections::HashSet::new();

@@ -481,15 +481,14 @@ impl Builder<'_> {
     fn draw(&mut self, i: usize, seeds: &Choice) -> Result<Drawn, Error> {
         let Chosen { mut choice, mut f, places, .. } = self.choose(i, seeds)?;
         self.progress.enter(3, 1)?;
-        let mut level = triangulate(self.domain, self.input.points, &mut choice)?;
+        let triangulated = |choice: &mut Choice| triangulate(self.domain, self.input.points, choice);
         let pool = &self.pools[self.at_hand];
         let facets = self.domain.len() as u32;
         let candidate = |site: u32| match site.checked_sub(facets) {
             Some(node) => self.candidate_of[node as usize],
             None => site,
         };
-        if let Some(min_angle) = self.options.min_angle {
-            self.progress.enter(4, 1)?;
+        let level = if let Some(min_angle) = self.options.min_angle {
             let mut kept = seeds.kept.clone();
             kept.resize(self.domain.len(), false);
             let interior: Vec<u32> = seeds.interior.iter().map(|&node| self.candidate_of[node as usize]).collect();
@@ -507,11 +506,19 @@ impl Builder<'_> {
             let slope = if self.options.method == Method::Threshold { 1.0 } else { rules.gradation };
             let room = (1.0 / self.options.factor).max(0.5);
             let guard = Guard { min_angle, beta: rules.beta, slope, room };
-            let (better, Outcome { crowded, surplus }) = better(&scene, guard, &level, &mut choice, candidate);
-            (level, choice.surplus) = (better, surplus);
+            let triangulated = |choice: &mut Choice| {
+                let level = triangulated(choice)?;
+                self.progress.enter(4, 1)?;
+                Ok(level)
+            };
+            let (level, Outcome { crowded, surplus }) = better(&scene, guard, &mut choice, triangulated, candidate)?;
+            choice.surplus = surplus;
             lower(&pool.candidates, &mut f, &crowded, self.options.rules.gradation);
             choice.held.extend(crowded.iter().map(|&(k, room)| (pool.candidates.nodes[k as usize], room)));
-        }
+            level
+        } else {
+            triangulated(&mut choice)?
+        };
         Ok(Drawn { choice, f, level })
     }
 

@@ -15,7 +15,7 @@ use crate::kdtree::{Bounds, KdTree};
 use crate::point::{NONE, Point, distance};
 use crate::progress::Progress;
 use crate::selection::{Known, conflict_graph, greedy, greedy_after, greedy_in_tiles, rank};
-use crate::triangulation::{Cells, Constraint, Inside, inside, sort_spatially};
+use crate::triangulation::{Cell, Constraint, Inside, inside, sort_spatially};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -334,7 +334,7 @@ pub struct Triangulated {
     /// Their coordinates.
     pub points: Vec<Point<2>>,
     /// Cells inside the domain, as indices into `sites`.
-    pub cells: Cells,
+    pub cells: Vec<Cell>,
 }
 
 /// Sites of a choice in a spatial order, and their coordinates.
@@ -414,16 +414,16 @@ pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Resul
     let mut shared: HashMap<u32, u32> = HashMap::new();
     let index_of = |node: u32| nodes.binary_search(&node).map_or(NONE, |i| i as u32);
     let mut out = LevelMesh { cell_tags: tags(domain, &choice.chords, cells), ..LevelMesh::default() };
-    out.cells = cells.cells.par_iter().map(|cell| cell.map(|s| single[s as usize])).collect();
-    for (t, (corners, cell)) in out.cells.iter_mut().zip(&cells.cells).enumerate() {
-        for k in (0..3).filter(|&k| single[cell[k] as usize] == NONE) {
-            let node = copy_at(domain, &choice.chords, cells, t as u32, cell[k])?;
+    out.cells = cells.par_iter().map(|cell| cell.corners.map(|s| single[s as usize])).collect();
+    for (t, (corners, cell)) in out.cells.iter_mut().zip(cells).enumerate() {
+        for k in (0..3).filter(|&k| single[cell.corners[k] as usize] == NONE) {
+            let node = copy_at(domain, &choice.chords, cells, t as u32, cell.corners[k])?;
             corners[k] = *shared.entry(node).or_insert_with(|| index_of(node));
         }
     }
     let mut beside = vec![[NONE; 2]; choice.chords.len()];
-    for (t, around) in cells.constraints.iter().enumerate() {
-        for &c in around.iter().filter(|&&c| c != NONE) {
+    for (t, cell) in cells.iter().enumerate() {
+        for &c in cell.constraints.iter().filter(|&&c| c != NONE) {
             beside[c as usize / 2][c as usize % 2] = t as u32;
         }
     }
@@ -454,15 +454,15 @@ pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Resul
 }
 
 /// The copy of a doubled vertex that a cell has: turn clockwise around it to the wall, and ask the wall's side.
-fn copy_at(domain: &Domain, chords: &[Chord], cells: &Cells, cell: u32, site: u32) -> Result<u32, Error> {
+fn copy_at(domain: &Domain, chords: &[Chord], cells: &[Cell], cell: u32, site: u32) -> Result<u32, Error> {
     let mut at = cell as usize;
-    for _ in 0..=cells.cells.len() {
-        let Some(k) = (0..3).find(|&k| cells.cells[at][k] == site) else { break };
-        if cells.neighbours[at][k] != NONE {
-            at = cells.neighbours[at][k] as usize;
+    for _ in 0..=cells.len() {
+        let Some(k) = (0..3).find(|&k| cells[at].corners[k] == site) else { break };
+        if cells[at].neighbours[k] != NONE {
+            at = cells[at].neighbours[k] as usize;
             continue;
         }
-        let constraint = cells.constraints[at][k];
+        let constraint = cells[at].constraints[k];
         let chord = &chords[constraint as usize / 2];
         let chain = &domain.chains[chord.chain as usize];
         return Ok(if constraint.is_multiple_of(2) {
@@ -475,19 +475,19 @@ fn copy_at(domain: &Domain, chords: &[Chord], cells: &Cells, cell: u32, site: u3
 }
 
 /// Tag of each cell: from the sides of the chords, flooded up to the next chord.
-fn tags(domain: &Domain, chords: &[Chord], cells: &Cells) -> Vec<i64> {
+fn tags(domain: &Domain, chords: &[Chord], cells: &[Cell]) -> Vec<i64> {
     let all_sides = chords.iter().flat_map(|chord| &domain.chains[chord.chain as usize].edge(chord.from).sides);
     let mut own = all_sides.filter(|side| side.is_inside()).map(|side| side.cell_tag);
     if let Some(first) = own.next()
         && own.all(|tag| tag == first)
     {
-        return vec![first; cells.cells.len()];
+        return vec![first; cells.len()];
     }
-    let mut tags = vec![0; cells.cells.len()];
-    let mut known = vec![false; cells.cells.len()];
+    let mut tags = vec![0; cells.len()];
+    let mut known = vec![false; cells.len()];
     let mut stack = Vec::new();
-    for t in 0..cells.cells.len() {
-        if let Some(&c) = cells.constraints[t].iter().find(|&&c| c != NONE) {
+    for t in 0..cells.len() {
+        if let Some(&c) = cells[t].constraints.iter().find(|&&c| c != NONE) {
             let chord = &chords[c as usize / 2];
             let side = domain.chains[chord.chain as usize].edge(chord.from).sides[c as usize % 2];
             if !known[t] {
@@ -497,8 +497,8 @@ fn tags(domain: &Domain, chords: &[Chord], cells: &Cells) -> Vec<i64> {
         }
         while let Some(at) = stack.pop() {
             for k in 0..3 {
-                let next = cells.neighbours[at][k];
-                if next != NONE && cells.constraints[at][k] == NONE && !known[next as usize] {
+                let next = cells[at].neighbours[k];
+                if next != NONE && cells[at].constraints[k] == NONE && !known[next as usize] {
                     (tags[next as usize], known[next as usize]) = (tags[at], true);
                     stack.push(next as usize);
                 }

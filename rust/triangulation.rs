@@ -29,15 +29,15 @@ pub struct Constraint {
     pub wall: bool,
 }
 
-/// Cells of a triangulation.
-#[derive(Debug, Clone, Default)]
-pub struct Cells {
-    /// Corner points of each cell, counter-clockwise.
-    pub cells: Vec<[u32; 3]>,
-    /// Neighbour across the edge that starts at each corner, [`NONE`] at a wall.
-    pub neighbours: Vec<[u32; 3]>,
+/// A cell of a triangulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cell {
+    /// Its corner points, counter-clockwise.
+    pub corners: [u32; 3],
+    /// The cell across the edge that starts at each corner, [`NONE`] at a wall.
+    pub neighbours: [u32; 3],
     /// Constraint on that edge times two, plus one where the cell lies on its right; [`NONE`] where it is no constraint.
-    pub constraints: Vec<[u32; 3]>,
+    pub constraints: [u32; 3],
 }
 
 /// Numbers that one thread goes through in one go.
@@ -79,18 +79,18 @@ pub fn delaunay(points: &[Point<2>], edges: &[[u32; 2]]) -> Result<Vec<[u32; 3]>
             "'facets' row {bad} (points {a} and {b}) crosses another facet or passes through a point"
         )));
     }
-    Ok(cells.cells.par_iter().map(|cell| cell.map(|k| order[k as usize])).collect())
+    Ok(cells.par_iter().map(|cell| cell.corners.map(|k| order[k as usize])).collect())
 }
 
 /// All cells of the constrained Delaunay triangulation of the convex hull, neighbours across constraints too, and the
 /// constraints that could not be added.
-pub fn hull(points: &[Point<2>], constraints: &[Constraint]) -> Result<(Cells, Vec<u32>), Error> {
+pub fn hull(points: &[Point<2>], constraints: &[Constraint]) -> Result<(Vec<Cell>, Vec<u32>), Error> {
     let ends: Vec<[u32; 2]> = constraints.iter().map(|c| c.ends).collect();
     whole(points, &ends, |k| k as u32)
 }
 
 /// [`hull`] by the ends of its constraints; `name` is what messages call a point.
-fn whole(points: &[Point<2>], ends: &[[u32; 2]], name: impl Fn(usize) -> u32) -> Result<(Cells, Vec<u32>), Error> {
+fn whole(points: &[Point<2>], ends: &[[u32; 2]], name: impl Fn(usize) -> u32) -> Result<(Vec<Cell>, Vec<u32>), Error> {
     match strips::in_strips(points, ends, strips::COLUMNS) {
         Ok(Some(cells)) => Ok((cells, Vec::new())),
         // what is wrong with the points, if anything, is said in their own names
@@ -101,7 +101,7 @@ fn whole(points: &[Point<2>], ends: &[[u32; 2]], name: impl Fn(usize) -> u32) ->
 /// Outcome of [`inside`].
 pub enum Inside {
     /// The cells of the domain.
-    Cells(Cells),
+    Cells(Vec<Cell>),
     /// Constraints that could not be added.
     Failed(Vec<u32>),
 }
@@ -110,7 +110,7 @@ pub enum Inside {
 ///
 /// What lies outside is flooded, from the hull and from the sides of walls that have no cells: mostly a small part.
 pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside, Error> {
-    let (all, failed) = hull(points, constraints)?;
+    let (mut all, failed) = hull(points, constraints)?;
     if !failed.is_empty() {
         return Ok(Inside::Failed(failed));
     }
@@ -119,11 +119,11 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
         let constraint = &constraints[code as usize / 2];
         if code.is_multiple_of(2) { constraint.left } else { constraint.right }
     };
-    let is_edge = |&t: &usize| (0..3).any(|k| all.constraints[t][k] != NONE || all.neighbours[t][k] == NONE);
-    let at_edges: Vec<usize> = (0..all.cells.len()).into_par_iter().filter(is_edge).collect();
-    let (mut is_out, mut reached, mut within) = (vec![false; all.cells.len()], Vec::new(), Vec::new());
-    for t in at_edges {
-        for (&next, &code) in all.neighbours[t].iter().zip(&all.constraints[t]) {
+    let is_edge = |&t: &usize| (0..3).any(|k| all[t].constraints[k] != NONE || all[t].neighbours[k] == NONE);
+    let at_edges: Vec<usize> = (0..all.len()).into_par_iter().filter(is_edge).collect();
+    let (mut is_out, mut reached, mut within) = (vec![false; all.len()], Vec::new(), Vec::new());
+    for &t in &at_edges {
+        for (&next, &code) in all[t].neighbours.iter().zip(&all[t].constraints) {
             if code != NONE && has_cells(code) {
                 within.push(t);
             } else if is_wall(code) || (code == NONE && next == NONE) {
@@ -133,7 +133,7 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
     }
     reached.iter().for_each(|&t| is_out[t] = true);
     while let Some(t) = reached.pop() {
-        for (&next, &code) in all.neighbours[t].iter().zip(&all.constraints[t]) {
+        for (&next, &code) in all[t].neighbours.iter().zip(&all[t].constraints) {
             if next != NONE && !is_wall(code) && !is_out[next as usize] {
                 is_out[next as usize] = true;
                 reached.push(next as usize);
@@ -143,12 +143,24 @@ pub fn inside(points: &[Point<2>], constraints: &[Constraint]) -> Result<Inside,
     if within.iter().any(|&t| is_out[t]) {
         return Err(Error::Internal("the flood of the outside came into the domain".into()));
     }
-    let (kept, cell_of) = counted(all.cells.len(), |t| !is_out[t]);
-    let cell = |&t: &u32| {
-        let (beyond, codes) = (all.neighbours[t as usize], all.constraints[t as usize]);
-        let open = |k: usize| if is_wall(codes[k]) || beyond[k] == NONE { NONE } else { cell_of[beyond[k] as usize] };
-        (all.cells[t as usize], ([0, 1, 2].map(open), codes))
-    };
-    let (cells, (neighbours, constraints)) = kept.par_iter().map(cell).unzip();
-    Ok(Inside::Cells(Cells { cells, neighbours, constraints }))
+    for &t in &at_edges {
+        let cell = &mut all[t];
+        for k in (0..3).filter(|&k| is_wall(cell.constraints[k])) {
+            cell.neighbours[k] = NONE;
+        }
+    }
+    Ok(Inside::Cells(staying(all, |t, _| !is_out[t])))
+}
+
+/// The cells that stay, neighbours counted among them.
+pub(crate) fn staying(mut cells: Vec<Cell>, stays: impl Fn(usize, &Cell) -> bool + Sync) -> Vec<Cell> {
+    if cells.par_iter().enumerate().all(|(t, cell)| stays(t, cell)) {
+        return cells;
+    }
+    let (_, place) = counted(cells.len(), |t| stays(t, &cells[t]));
+    let number = |t: u32| if t == NONE { NONE } else { place[t as usize] };
+    cells.par_iter_mut().for_each(|cell| cell.neighbours = cell.neighbours.map(number));
+    let mut places = place.iter();
+    cells.retain(|_| places.next().is_some_and(|&place| place != NONE));
+    cells
 }

@@ -17,6 +17,7 @@
 use super::trim::Trimmed;
 use crate::domain::Chord;
 use crate::point::{NONE, Point, orient};
+use crate::triangulation::Cell;
 use std::collections::{HashMap, VecDeque};
 
 /// With a larger share of the sites gone all is triangulated anew.
@@ -49,10 +50,10 @@ impl Trimmed {
         let renamed: Vec<u32> = old.iter().map(|chord| number.remove(&name(chord)).unwrap_or(NONE)).collect();
         let mut stack = Vec::new();
         let mut cell_at = vec![NONE; self.sites.len()];
-        for t in 0..self.cells.cells.len() {
+        for t in 0..self.cells.len() {
             for k in 0..3 {
-                cell_at[self.cells.cells[t][k] as usize] = t as u32;
-                let code = &mut self.cells.constraints[t][k];
+                cell_at[self.cells[t].corners[k] as usize] = t as u32;
+                let code = &mut self.cells[t].constraints[k];
                 if *code != NONE {
                     let chord = renamed[*code as usize / 2];
                     *code = if chord == NONE { NONE } else { 2 * chord + *code % 2 };
@@ -68,11 +69,15 @@ impl Trimmed {
             let [Ok(a), Ok(b)] = new[c as usize].vertices.map(|v| self.sites.binary_search(&v)) else { return None };
             self.force([a as u32, b as u32], c, &mut cell_at, &mut stack)?;
         }
-        stack.retain(|&(t, _)| self.cells.cells[t][0] != NONE);
-        self.settle(stack, |trimmed, t, k| trimmed.cells.constraints[t][k] == NONE);
+        stack.retain(|&(t, _)| self.cells[t].corners[0] != NONE);
+        self.settle(stack, |trimmed, t, k| trimmed.cells[t].constraints[k] == NONE);
         self.sites = left.to_vec();
         self.points = self.points.iter().zip(&place).filter(|&(_, &s)| s != NONE).map(|(&point, _)| point).collect();
-        self.cells.cells.iter_mut().flatten().filter(|s| **s != NONE).for_each(|s| *s = place[*s as usize]);
+        self.cells
+            .iter_mut()
+            .flat_map(|cell| &mut cell.corners)
+            .filter(|s| **s != NONE)
+            .for_each(|s| *s = place[*s as usize]);
         self.put_in_order();
         Some(self)
     }
@@ -80,7 +85,7 @@ impl Trimmed {
     /// Takes a site out that is around a cell, and returns the cells that fill its star. `cell_at` has a cell of every site.
     fn fill(&mut self, t: usize, s: u32, cell_at: &mut [u32]) -> Option<Vec<usize>> {
         let star: Vec<usize> = self.around(t, s).take(MOST_CELLS + 1).collect();
-        let is_open = self.cells.neighbours[star[0]][self.corner(star[0], s)] == NONE;
+        let is_open = self.cells[star[0]].neighbours[self.corner(star[0], s)] == NONE;
         if star.len() > MOST_CELLS || (star.len() < 3 && !is_open) {
             return None;
         }
@@ -88,12 +93,12 @@ impl Trimmed {
         let mut rim: Vec<(u32, u32, u32)> = Vec::with_capacity(star.len() + 1);
         for &t in &star {
             let k = (self.corner(t, s) + 1) % 3;
-            rim.push((self.cells.cells[t][k], self.cells.neighbours[t][k], self.cells.constraints[t][k]));
+            rim.push((self.cells[t].corners[k], self.cells[t].neighbours[k], self.cells[t].constraints[k]));
         }
         let last = star[star.len() - 1];
         if is_open {
             // a site of the hull: its star has two ends
-            rim.push((self.cells.cells[last][(self.corner(last, s) + 2) % 3], NONE, NONE));
+            rim.push((self.cells[last].corners[(self.corner(last, s) + 2) % 3], NONE, NONE));
         }
         let mut made = Vec::with_capacity(star.len());
         for &t in &star {
@@ -105,9 +110,9 @@ impl Trimmed {
             let [a, b, c] = [rim[before], rim[ear], rim[after]];
             // three edges are left of the last cell
             let last = if n == 3 && !is_open { c } else { (c.0, NONE, NONE) };
-            self.cells.cells[t] = [a.0, b.0, c.0];
-            self.cells.neighbours[t] = [a.1, b.1, last.1];
-            self.cells.constraints[t] = [a.2, b.2, last.2];
+            self.cells[t].corners = [a.0, b.0, c.0];
+            self.cells[t].neighbours = [a.1, b.1, last.1];
+            self.cells[t].constraints = [a.2, b.2, last.2];
             for k in 0..3 {
                 self.meet(t, k);
             }
@@ -120,13 +125,13 @@ impl Trimmed {
         if !is_open && made.len() + 2 < star.len() {
             return None;
         }
-        star[made.len()..].iter().for_each(|&t| self.cells.cells[t] = [NONE; 3]);
+        star[made.len()..].iter().for_each(|&t| self.cells[t].corners = [NONE; 3]);
         for edge in rim.windows(2).filter(|_| is_open) {
             let [(start, beyond, _), (end, ..)] = [edge[0], edge[1]];
             // an edge without any cell
             let beyond = (beyond != NONE).then_some(beyond as usize)?;
-            let back = (0..3).find(|&k| self.cells.cells[beyond][k] == end)?;
-            self.cells.neighbours[beyond][back] = NONE;
+            let back = (0..3).find(|&k| self.cells[beyond].corners[k] == end)?;
+            self.cells[beyond].neighbours[back] = NONE;
             [start, end].iter().for_each(|&s| cell_at[s as usize] = beyond as u32);
         }
         Some(made)
@@ -149,9 +154,9 @@ impl Trimmed {
             tries += 1;
             let t = self.around(cell_at[u as usize] as usize, u).find(|&t| self.beside(t, u, 1) == v)?;
             let k = self.corner(t, u);
-            let other = self.cells.neighbours[t][k] as usize;
+            let other = self.cells[t].neighbours[k] as usize;
             let back = self.edge_to(other, t);
-            let (w, x) = (self.cells.cells[t][(k + 2) % 3], self.cells.cells[other][(back + 2) % 3]);
+            let (w, x) = (self.cells[t].corners[(k + 2) % 3], self.cells[other].corners[(back + 2) % 3]);
             let turn = |corners: [u32; 3]| {
                 let [p, q, r] = corners.map(|s| &self.points[s as usize]);
                 orient(p, q, r)
@@ -175,9 +180,9 @@ impl Trimmed {
             let k = self.corner(t, a);
             for (step, k, code) in [(1, k, 2 * chord), (2, (k + 2) % 3, 2 * chord + 1)] {
                 if self.beside(t, a, step) == b {
-                    is_free &= self.cells.constraints[t][k] == NONE;
+                    is_free &= self.cells[t].constraints[k] == NONE;
                     found = true;
-                    self.cells.constraints[t][k] = code;
+                    self.cells[t].constraints[k] = code;
                 }
             }
         }
@@ -202,11 +207,11 @@ impl Trimmed {
         let mut crossed = VecDeque::new();
         loop {
             let k = self.corner(t, right);
-            if self.cells.constraints[t][k] != NONE || self.cells.neighbours[t][k] == NONE {
+            if self.cells[t].constraints[k] != NONE || self.cells[t].neighbours[k] == NONE {
                 return None;
             }
             crossed.push_back([right, left]);
-            t = self.cells.neighbours[t][k] as usize;
+            t = self.cells[t].neighbours[k] as usize;
             let next = self.beside(t, right, 1);
             let turn = side(next);
             if next == b {
@@ -219,16 +224,16 @@ impl Trimmed {
 
     /// The corner of a cell some steps after a site, counter-clockwise.
     fn beside(&self, t: usize, s: u32, steps: usize) -> u32 {
-        self.cells.cells[t][(self.corner(t, s) + steps) % 3]
+        self.cells[t].corners[(self.corner(t, s) + steps) % 3]
     }
 
     /// Tells the cell beyond an edge of a cell that this one is there.
     fn meet(&mut self, t: usize, k: usize) {
         let (next, start, end) =
-            (self.cells.neighbours[t][k], self.cells.cells[t][k], self.cells.cells[t][(k + 1) % 3]);
-        if let Some(&corners) = self.cells.cells.get(next as usize) {
+            (self.cells[t].neighbours[k], self.cells[t].corners[k], self.cells[t].corners[(k + 1) % 3]);
+        if let Some(&Cell { corners, .. }) = self.cells.get(next as usize) {
             let back = (0..3).find(|&j| corners[j] == end && corners[(j + 1) % 3] == start);
-            back.into_iter().for_each(|j| self.cells.neighbours[next as usize][j] = t as u32);
+            back.into_iter().for_each(|j| self.cells[next as usize].neighbours[j] = t as u32);
         }
     }
 
@@ -249,7 +254,7 @@ mod tests {
     use super::super::trim::{Trimmed, least_angle};
     use crate::domain::Chord;
     use crate::point::{NONE, Point};
-    use crate::triangulation::{Constraint, hull, sort_spatially};
+    use crate::triangulation::{Cell, Constraint, hull, sort_spatially};
 
     /// Numbers below a bound, the same ones every time.
     fn numbers(mut state: u64) -> impl FnMut(usize) -> usize {
@@ -273,7 +278,7 @@ mod tests {
         let constraints: Vec<Constraint> = chords.iter().map(constraint).collect();
         let (mut cells, failed) = hull(&points, &constraints).expect("no points repeat");
         sort_sites(&mut sites, &mut points, &mut cells);
-        let angle = cells.cells.iter().map(|cell| least_angle(&cell.map(|s| points[s as usize]))).collect();
+        let angle = cells.iter().map(|cell| least_angle(&cell.corners.map(|s| points[s as usize]))).collect();
         let (label, part, parts_at, is_slit) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut trimmed = Trimmed { label, part, parts_at, is_slit, sites, points, cells, angle };
         trimmed.sort_cells();
@@ -296,7 +301,7 @@ mod tests {
             // edges of the triangulation, some of them as chords, and some that are no edges yet
             let free = anew(&points, &all, &[]).0;
             let mut pairs: Vec<[u32; 2]> =
-                (0..12).map(|_| free.cells.cells[next(free.cells.cells.len())]).map(|[a, b, _]| [a, b]).collect();
+                (0..12).map(|_| free.cells[next(free.cells.len())].corners).map(|[a, b, _]| [a, b]).collect();
             pairs.extend((0..4).map(|_| [next(n) as u32, next(n) as u32]).filter(|[a, b]| a != b));
             pairs.iter_mut().for_each(|pair| pair.sort_unstable());
             pairs.sort_unstable();
@@ -319,7 +324,7 @@ mod tests {
             new.retain(|_| next(4) > 0);
             (1..new.len()).rev().for_each(|k| new.swap(k, next(k + 1)));
             // an edge becomes a chord, or what is none yet
-            let cells = &free.cells.cells;
+            let cells: Vec<[u32; 3]> = free.cells.iter().map(|cell| cell.corners).collect();
             let [a, b, c] = cells[next(cells.len())];
             let farther = cells
                 .iter()
@@ -336,16 +341,15 @@ mod tests {
             assert!(failed.is_empty(), "{seed}");
             let has = |trimmed: &Trimmed, ends: [u32; 2]| {
                 let place = ends.map(|s| trimmed.sites.iter().position(|&site| site == s).unwrap_or(0) as u32);
-                trimmed.cells.cells.iter().any(|cell| place.iter().all(|s| cell.contains(s)))
+                trimmed.cells.iter().any(|cell| place.iter().all(|s| cell.corners.contains(s)))
             };
             forced += usize::from(is_new && !has(&before, [a, b]));
-            let cells = before.cells.cells.iter().zip(&before.cells.neighbours);
-            let mut on_hull = cells.flat_map(|(cell, next)| (0..3).filter(|&k| next[k] == NONE).map(|k| cell[k]));
+            let at_hull =
+                |&cell: &Cell| (0..3).filter(move |&k| cell.neighbours[k] == NONE).map(move |k| cell.corners[k]);
+            let mut on_hull = before.cells.iter().flat_map(at_hull);
             from_hull += usize::from(on_hull.any(|s| gone.contains(&before.sites[s as usize])));
             assert_eq!((&again.sites, &again.points), (&made.sites, &made.points), "{seed}");
-            assert_eq!(again.cells.cells, made.cells.cells, "{seed}");
-            assert_eq!(again.cells.neighbours, made.cells.neighbours, "{seed}");
-            assert_eq!(again.cells.constraints, made.cells.constraints, "{seed}");
+            assert_eq!(again.cells, made.cells, "{seed}");
             assert_eq!(again.angle, made.angle, "{seed}");
             mended += 1;
         }

@@ -61,7 +61,7 @@ impl Ground<'_> {
     ) -> Result<(LevelMesh, Dropped), Error> {
         let (alive, corners) = loop {
             let mut alive: Vec<usize> = trimmed.alive().collect();
-            alive.sort_unstable_by_key(|&t| trimmed.cells.cells[t]);
+            alive.sort_unstable_by_key(|&t| trimmed.cells[t].corners);
             let corners = self.corners(choice, trimmed, &alive, &is_allowed)?;
             if trimmed.part_again(&alive, &corners) {
                 continue;
@@ -95,12 +95,12 @@ impl Ground<'_> {
             let (_, c, k) = run[0];
             let (c, k) = (c as usize, k as usize);
             let ends = [mesh.cells[c][k], mesh.cells[c][(k + 1) % 3]];
-            let constraint = trimmed.cells.constraints[alive[c]][k];
+            let constraint = trimmed.cells[alive[c]].constraints[k];
             let on_chord = (constraint != NONE)
                 .then(|| self.attribute(&choice.chords[constraint as usize / 2], constraint as usize % 2));
             match run {
                 [_] => {
-                    let sites = [k, (k + 1) % 3].map(|k| trimmed.sites[trimmed.cells.cells[alive[c]][k] as usize]);
+                    let sites = [k, (k + 1) % 3].map(|k| trimmed.sites[trimmed.cells[alive[c]].corners[k] as usize]);
                     mesh.facets.push(ends);
                     mesh.facet_cells.push([c as u32, NONE]);
                     mesh.facet_tags.push(on_chord.unwrap_or_else(|| self.nearby(sites)));
@@ -140,10 +140,10 @@ impl Ground<'_> {
     ) -> Result<Vec<[u32; 3]>, Error> {
         let facets = self.domain.len() as u32;
         let cells = &trimmed.cells;
-        let mut corners = vec![[NONE; 3]; cells.cells.len()];
+        let mut corners = vec![[NONE; 3]; cells.len()];
         for &t in alive {
             for k in 0..3 {
-                let site = trimmed.sites[cells.cells[t][k] as usize];
+                let site = trimmed.sites[cells[t].corners[k] as usize];
                 if let Some(node) = site.checked_sub(facets) {
                     corners[t][k] = node;
                     continue;
@@ -156,13 +156,13 @@ impl Ground<'_> {
                 if corners[t][k] != NONE {
                     continue;
                 }
-                let s = cells.cells[t][k];
+                let s = cells[t].corners[k];
                 let sector = trimmed.sector(t, s);
                 let first = sector[0];
                 let last = sector[sector.len() - 1];
                 let (begin, end) = (
-                    cells.constraints[first][trimmed.corner(first, s)],
-                    cells.constraints[last][(trimmed.corner(last, s) + 2) % 3],
+                    cells[first].constraints[trimmed.corner(first, s)],
+                    cells[last].constraints[(trimmed.corner(last, s) + 2) % 3],
                 );
                 let asked = [self.copy(choice, begin, true), self.copy(choice, end, false)];
                 let fits = |node: u32| is_allowed(node) && self.is_of(node, trimmed.part[t]);
@@ -236,8 +236,8 @@ impl Ground<'_> {
         let (mut gained, mut lost) = (0.0, 0.0);
         let mut is_rim = vec![false; choice.chords.len()];
         for t in trimmed.alive() {
-            for k in (0..3).filter(|&k| trimmed.across(t, k) == NONE && trimmed.cells.constraints[t][k] != NONE) {
-                is_rim[trimmed.cells.constraints[t][k] as usize / 2] = true;
+            for k in (0..3).filter(|&k| trimmed.across(t, k) == NONE && trimmed.cells[t].constraints[k] != NONE) {
+                is_rim[trimmed.cells[t].constraints[k] as usize / 2] = true;
             }
         }
         for (chord, _) in choice.chords.iter().zip(is_rim).filter(|&(_, rim)| rim) {

@@ -14,30 +14,30 @@ impl Trimmed {
         let mut stack = Vec::new();
         for t in 0..self.label.len() {
             for k in 0..3 {
-                let constraint = self.cells.constraints[t][k];
+                let constraint = self.cells[t].constraints[k];
                 if constraint == NONE || stays(constraint as usize / 2) || !self.is_of_one_material(t, k) {
                     continue;
                 }
-                let other = self.cells.neighbours[t][k] as usize;
+                let other = self.cells[t].neighbours[k] as usize;
                 let back = self.edge_to(other, t);
-                self.cells.constraints[t][k] = NONE;
-                self.cells.constraints[other][back] = NONE;
+                self.cells[t].constraints[k] = NONE;
+                self.cells[other].constraints[back] = NONE;
                 stack.push((t, k));
             }
         }
-        self.settle(stack, |trimmed, t, k| trimmed.cells.constraints[t][k] == NONE && trimmed.is_of_one_material(t, k));
+        self.settle(stack, |trimmed, t, k| trimmed.cells[t].constraints[k] == NONE && trimmed.is_of_one_material(t, k));
     }
 
     /// Flips edges (of a cell, from a corner on) that are not Delaunay, and what they leave so, where they may be.
     pub(super) fn settle(&mut self, mut stack: Vec<(usize, usize)>, may_flip: impl Fn(&Trimmed, usize, usize) -> bool) {
         while let Some((t, k)) = stack.pop() {
-            let other = self.cells.neighbours[t][k];
+            let other = self.cells[t].neighbours[k];
             if other == NONE || !may_flip(self, t, k) {
                 continue;
             }
             let other = other as usize;
             let back = self.edge_to(other, t);
-            if self.encloses(t, self.cells.cells[other][(back + 2) % 3]) {
+            if self.encloses(t, self.cells[other].corners[(back + 2) % 3]) {
                 self.flip((t, k), (other, back));
                 stack.extend([t, other].into_iter().flat_map(|t| (0..3).map(move |k| (t, k))));
             }
@@ -52,7 +52,7 @@ impl Trimmed {
         let mut closed = Vec::new();
         for &t in alive {
             for k in 0..3 {
-                let (next, constraint) = (self.cells.neighbours[t][k], self.cells.constraints[t][k]);
+                let (next, constraint) = (self.cells[t].neighbours[k], self.cells[t].constraints[k]);
                 if next == NONE || constraint == NONE || !self.is_slit[constraint as usize / 2] {
                     continue;
                 }
@@ -74,7 +74,7 @@ impl Trimmed {
 
     /// The edge of a cell that leads to another.
     pub(super) fn edge_to(&self, t: usize, other: usize) -> usize {
-        self.cells.neighbours[t].iter().position(|&n| n as usize == other).unwrap_or(0)
+        self.cells[t].neighbours.iter().position(|&n| n as usize == other).unwrap_or(0)
     }
 
     /// Turns the edge that two cells share.
@@ -89,18 +89,18 @@ impl Trimmed {
     pub(super) fn flip(&mut self, (t, k): (usize, usize), (s, back): (usize, usize)) {
         let cells = &mut self.cells;
         let [k1, k2, j1, j2] = [(k + 1) % 3, (k + 2) % 3, (back + 1) % 3, (back + 2) % 3];
-        let [u, v, w, x] = [cells.cells[t][k], cells.cells[t][k1], cells.cells[t][k2], cells.cells[s][j2]];
-        let (beside_t, beside_s) = (cells.neighbours[t], cells.neighbours[s]);
-        let (on_t, on_s) = (cells.constraints[t], cells.constraints[s]);
-        cells.cells[t] = [u, x, w];
-        cells.neighbours[t] = [beside_s[j1], s as u32, beside_t[k2]];
-        cells.constraints[t] = [on_s[j1], NONE, on_t[k2]];
-        cells.cells[s] = [x, v, w];
-        cells.neighbours[s] = [beside_s[j2], beside_t[k1], t as u32];
-        cells.constraints[s] = [on_s[j2], on_t[k1], NONE];
+        let [u, v, w, x] = [cells[t].corners[k], cells[t].corners[k1], cells[t].corners[k2], cells[s].corners[j2]];
+        let (beside_t, beside_s) = (cells[t].neighbours, cells[s].neighbours);
+        let (on_t, on_s) = (cells[t].constraints, cells[s].constraints);
+        cells[t].corners = [u, x, w];
+        cells[t].neighbours = [beside_s[j1], s as u32, beside_t[k2]];
+        cells[t].constraints = [on_s[j1], NONE, on_t[k2]];
+        cells[s].corners = [x, v, w];
+        cells[s].neighbours = [beside_s[j2], beside_t[k1], t as u32];
+        cells[s].constraints = [on_s[j2], on_t[k1], NONE];
         for (cell, from, to) in [(beside_s[j1], s, t), (beside_t[k1], t, s)] {
             if cell != NONE
-                && let Some(n) = cells.neighbours[cell as usize].iter_mut().find(|n| **n as usize == from)
+                && let Some(n) = cells[cell as usize].neighbours.iter_mut().find(|n| **n as usize == from)
             {
                 *n = to as u32;
             }

@@ -45,14 +45,14 @@ impl Trimmed {
         let mut bad: Vec<(f64, usize)> =
             self.alive().map(|t| (self.angle[t], t)).filter(|&(angle, _)| angle < limit_deg).collect();
         bad.sort_unstable_by(|a, b| {
-            a.0.total_cmp(&b.0).then_with(|| self.cells.cells[a.1].cmp(&self.cells.cells[b.1]))
+            a.0.total_cmp(&b.0).then_with(|| self.cells[a.1].corners.cmp(&self.cells[b.1].corners))
         });
         let mut touched = vec![false; self.sites.len()];
         let mut victims = Vec::new();
         for (_, t) in bad {
             let mut best: Option<Candidate> = None;
             for k in 0..3 {
-                let s = self.cells.cells[t][k];
+                let s = self.cells[t].corners[k];
                 let Some((star, link)) = self.star(t, k) else { continue };
                 if touched[s as usize] || link.iter().any(|&l| touched[l as usize]) {
                     continue;
@@ -84,7 +84,7 @@ impl Trimmed {
 
     /// Whether a corner of a cell is an end of its shortest edge.
     fn is_short(&self, t: usize, k: usize) -> bool {
-        let p = self.cells.cells[t].map(|s| self.points[s as usize]);
+        let p = self.cells[t].corners.map(|s| self.points[s as usize]);
         let length = |k: usize| distance_2(&p[k % 3], &p[(k + 1) % 3]);
         length(k + 1) > length(k).min(length(k + 2))
     }
@@ -92,16 +92,16 @@ impl Trimmed {
     /// Cells around a corner of a cell, in their order, and the polygon of their other corners. `None` where the cells
     /// around the site are in several sectors.
     fn star(&self, t: usize, k: usize) -> Option<(Vec<usize>, Vec<u32>)> {
-        let s = self.cells.cells[t][k];
+        let s = self.cells[t].corners[k];
         // a star of as many cells has as many corners at least; nodes of thousands of slivers are asked by each of them
         let star = self.sector_within(t, s, MOST_CORNERS)?;
         let in_all = self.around(t, s).filter(|&t| self.label[t].is_some()).count();
         if in_all != star.len() {
             return None;
         }
-        let mut link: Vec<u32> = star.iter().map(|&t| self.cells.cells[t][(self.corner(t, s) + 1) % 3]).collect();
+        let mut link: Vec<u32> = star.iter().map(|&t| self.cells[t].corners[(self.corner(t, s) + 1) % 3]).collect();
         let (first, last) = (star[0], star[star.len() - 1]);
-        let end = self.cells.cells[last][(self.corner(last, s) + 2) % 3];
+        let end = self.cells[last].corners[(self.corner(last, s) + 2) % 3];
         if self.across(first, self.corner(first, s)) == NONE {
             link.push(end);
         }

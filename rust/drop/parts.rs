@@ -162,8 +162,8 @@ impl Ground<'_> {
         while !unsure.is_empty() {
             let before = unsure.len();
             unsure.retain(|(t, common)| {
-                let next = (0..3).filter(|&k| trimmed.cells.constraints[*t][k] == NONE);
-                let mut parts = next.filter_map(|k| trimmed.part.get(trimmed.cells.neighbours[*t][k] as usize));
+                let next = (0..3).filter(|&k| trimmed.cells[*t].constraints[k] == NONE);
+                let mut parts = next.filter_map(|k| trimmed.part.get(trimmed.cells[*t].neighbours[k] as usize));
                 let found = parts.find(|part| common.contains(part)).copied();
                 found.into_iter().for_each(|part| trimmed.part[*t] = part);
                 found.is_none()
@@ -178,7 +178,7 @@ impl Ground<'_> {
 
     /// The part that a chord beside a cell has on its side.
     fn part_beside(&self, choice: &Choice, trimmed: &Trimmed, t: usize) -> Option<u32> {
-        let node = trimmed.cells.constraints[t].iter().find_map(|&c| self.copy(choice, c, true))?;
+        let node = trimmed.cells[t].constraints.iter().find_map(|&c| self.copy(choice, c, true))?;
         match self.parts.at(node) {
             [part] => Some(*part),
             _ => None,
@@ -190,7 +190,7 @@ impl Trimmed {
     /// Parts that all corners of a cell belong to, ascending.
     fn common_parts(&self, t: usize) -> Vec<u32> {
         // a corner may belong to thousands
-        let mut lists = self.cells.cells[t].map(|s| &self.parts_at[s as usize]);
+        let mut lists = self.cells[t].corners.map(|s| &self.parts_at[s as usize]);
         lists.sort_unstable_by_key(|parts| parts.len());
         let [few, more, most] = lists;
         let is_common = |part: &u32| more.binary_search(part).is_ok() && most.binary_search(part).is_ok();

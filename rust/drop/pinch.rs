@@ -22,8 +22,8 @@ impl Trimmed {
     /// Cuts off runs and fills gaps at nodes that have more runs than `natural` says.
     pub fn unpinch(&mut self, limit_deg: f64, natural: impl Fn(u32) -> usize) {
         let mut cell_at = vec![NONE; self.sites.len()];
-        for (t, cell) in self.cells.cells.iter().enumerate() {
-            cell.iter().for_each(|&s| cell_at[s as usize] = t as u32);
+        for (t, cell) in self.cells.iter().enumerate() {
+            cell.corners.iter().for_each(|&s| cell_at[s as usize] = t as u32);
         }
         let excess = |trimmed: &Trimmed, s: u32| {
             let fan = trimmed.fan(cell_at[s as usize], s);
@@ -35,7 +35,7 @@ impl Trimmed {
             while cell_at[s as usize] != NONE && excess(self, s) > 0 {
                 let mut best: Option<(f64, Vec<u32>, Option<i64>, u32)> = None;
                 for (cells, label, part) in self.ways(cell_at[s as usize], s, limit_deg) {
-                    let mut sites: Vec<u32> = cells.iter().flat_map(|&t| self.cells.cells[t as usize]).collect();
+                    let mut sites: Vec<u32> = cells.iter().flat_map(|&t| self.cells[t as usize].corners).collect();
                     sites.sort_unstable();
                     sites.dedup();
                     let count = |trimmed: &Trimmed| -> usize { sites.iter().map(|&s| excess(trimmed, s)).sum() };
@@ -60,7 +60,7 @@ impl Trimmed {
     /// The cells around a site; at a corner of the hull [`NONE`] stands for what is beyond it.
     fn fan(&self, t: u32, s: u32) -> Vec<u32> {
         let mut fan: Vec<u32> = self.around(t as usize, s).map(|t| t as u32).collect();
-        if self.cells.neighbours[fan[0] as usize][self.corner(fan[0] as usize, s)] == NONE {
+        if self.cells[fan[0] as usize].neighbours[self.corner(fan[0] as usize, s)] == NONE {
             fan.push(NONE);
         }
         fan

@@ -6,7 +6,7 @@ use crate::domain::{Chord, Seen};
 use crate::error::Error;
 use crate::level::{Choice, constraints_of, sites_of};
 use crate::point::{NONE, Point};
-use crate::triangulation::{Cells, hull};
+use crate::triangulation::{Cell, hull};
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -49,7 +49,7 @@ pub struct Trimmed {
     /// Their coordinates.
     pub points: Vec<Point<2>>,
     /// All cells of the convex hull, corners as sites.
-    pub cells: Cells,
+    pub cells: Vec<Cell>,
     /// Tag of each cell of the level, `None` for the others.
     pub label: Vec<Option<i64>>,
     /// Part of each cell, 0 where there is but one.
@@ -75,8 +75,8 @@ impl Ground<'_> {
             Some(trimmed) => trimmed,
             None => self.anew(choice, memory)?,
         };
-        trimmed.label = vec![None; trimmed.cells.cells.len()];
-        trimmed.part = vec![0; trimmed.cells.cells.len()];
+        trimmed.label = vec![None; trimmed.cells.len()];
+        trimmed.part = vec![0; trimmed.cells.len()];
         memory.last = Some((choice.chords.clone(), trimmed.clone()));
         self.label(choice, f, &memory.failed, &mut trimmed, &mut memory.sampled);
         self.part(choice, &mut trimmed, is_allowed);
@@ -90,7 +90,7 @@ impl Ground<'_> {
         let constraints = constraints_of(self.domain, choice, &sites, |chord| sides(self.domain, chord));
         let (mut cells, failed) = hull(&points, &constraints)?;
         sort_sites(&mut sites, &mut points, &mut cells);
-        let angle = cells.cells.par_iter().map(|cell| least_angle(&cell.map(|s| points[s as usize]))).collect();
+        let angle = cells.par_iter().map(|cell| least_angle(&cell.corners.map(|s| points[s as usize]))).collect();
         let is_slit = self.slits(choice, &failed);
         memory.failed = failed;
         let (label, part, parts_at) = (Vec::new(), Vec::new(), Vec::new());
@@ -120,7 +120,7 @@ impl Ground<'_> {
             chord.vertices.iter().for_each(|&v| missing[v as usize] -= 1);
         }
         let cells = &trimmed.cells;
-        let n = cells.cells.len();
+        let n = cells.len();
         let is_loose = |s: u32| trimmed.sites[s as usize] < facets && missing[trimmed.sites[s as usize] as usize] > 0;
         let says = |c: u32| {
             let chord = &choice.chords[c as usize / 2];
@@ -132,8 +132,8 @@ impl Ground<'_> {
         let mut said: Vec<Option<Option<i64>>> = vec![None; n];
         let mut unsure = vec![false; n];
         for t in 0..n {
-            let loose = cells.cells[t].iter().any(|&s| is_loose(s));
-            let mut votes = cells.constraints[t].iter().filter(|&&c| c != NONE).map(|&c| says(c));
+            let loose = cells[t].corners.iter().any(|&s| is_loose(s));
+            let mut votes = cells[t].constraints.iter().filter(|&&c| c != NONE).map(|&c| says(c));
             said[t] = votes.next();
             // beyond a wall is outside for sure, but what is inside at one chord may lie beyond another, given up
             unsure[t] = said[t].map_or(loose, |first| (loose && first.is_some()) || votes.any(|vote| vote != first));
@@ -151,8 +151,8 @@ impl Ground<'_> {
                 let t = region[at];
                 at += 1;
                 for k in 0..3 {
-                    let next = cells.neighbours[t][k];
-                    if next == NONE || cells.constraints[t][k] != NONE || seen[next as usize] {
+                    let next = cells[t].neighbours[k];
+                    if next == NONE || cells[t].constraints[k] != NONE || seen[next as usize] {
                         continue;
                     }
                     seen[next as usize] = true;
@@ -179,7 +179,7 @@ impl Ground<'_> {
             }
         }
         let ask = |last: &mut Seen, &t: &usize| {
-            let cell = cells.cells[t].map(|s| trimmed.sites[s as usize]);
+            let cell = cells[t].corners.map(|s| trimmed.sites[s as usize]);
             let before = sampled.binary_search_by_key(&cell, |old| old.0);
             (cell, before.map_or_else(|_| self.sample(trimmed, t, &is_gone, last), |k| sampled[k].1))
         };
@@ -191,7 +191,7 @@ impl Ground<'_> {
 
     /// The tag of most sample points of a cell, `None` where not most of them lie inside.
     fn sample(&self, trimmed: &Trimmed, t: usize, is_gone: &[bool], last: &mut Seen) -> Option<i64> {
-        let cell = trimmed.cells.cells[t];
+        let cell = trimmed.cells[t].corners;
         let corners = cell.map(|s| trimmed.points[s as usize]);
         let facets = self.domain.len() as u32;
         // an interior node's cells see farther than those of a facet vertex
@@ -217,7 +217,7 @@ impl Trimmed {
 
     /// The cell of the level across an edge of a cell; [`NONE`] where there is none, a slit between, or another part.
     pub fn across(&self, t: usize, k: usize) -> u32 {
-        let (next, constraint) = (self.cells.neighbours[t][k], self.cells.constraints[t][k]);
+        let (next, constraint) = (self.cells[t].neighbours[k], self.cells[t].constraints[k]);
         let is_slit = constraint != NONE && self.is_slit[constraint as usize / 2];
         let ends = |next: usize| self.label[next].is_none() || self.part[next] != self.part[t];
         if next == NONE || is_slit || ends(next as usize) { NONE } else { next }
@@ -225,7 +225,7 @@ impl Trimmed {
 
     /// Which corner of a cell a site is.
     pub fn corner(&self, t: usize, s: u32) -> usize {
-        (0..3).find(|&k| self.cells.cells[t][k] == s).unwrap_or(0)
+        (0..3).find(|&k| self.cells[t].corners[k] == s).unwrap_or(0)
     }
 
     /// The cells of the level around a site that are met from one of them without crossing rim or slit, counter-clockwise.
@@ -262,7 +262,7 @@ impl Trimmed {
 
     /// All cells of the hull around a site, from one of them.
     pub fn around(&self, t: usize, s: u32) -> impl Iterator<Item = usize> {
-        let turn = move |t: usize, k: usize| self.cells.neighbours[t][(self.corner(t, s) + k) % 3];
+        let turn = move |t: usize, k: usize| self.cells[t].neighbours[(self.corner(t, s) + k) % 3];
         let mut first = t;
         loop {
             let next = turn(first, 0);
@@ -286,8 +286,8 @@ impl Trimmed {
         for t in self.alive() {
             left += 1;
             for k in (0..3).filter(|&k| self.across(t, k) == NONE) {
-                rim[self.cells.cells[t][k] as usize] += 1;
-                rim[self.cells.cells[t][(k + 1) % 3] as usize] += 1;
+                rim[self.cells[t].corners[k] as usize] += 1;
+                rim[self.cells[t].corners[(k + 1) % 3] as usize] += 1;
             }
         }
         // angles are positive, so that their bits are in their order
@@ -299,7 +299,7 @@ impl Trimmed {
             if self.label[t].is_none() || left == 1 {
                 continue;
             }
-            let cell = self.cells.cells[t];
+            let cell = self.cells[t].corners;
             let is_rim = [0, 1, 2].map(|k| self.across(t, k) == NONE);
             let goes = match is_rim.iter().filter(|&&r| r).count() {
                 0 => false,
@@ -319,7 +319,7 @@ impl Trimmed {
                 for s in ends {
                     if is_rim[k] { rim[s as usize] -= 1 } else { rim[s as usize] += 1 }
                 }
-                let next = self.cells.neighbours[t][k];
+                let next = self.cells[t].neighbours[k];
                 if !is_rim[k] && self.angle[next as usize] < limit_deg {
                     heap.push(entry(self.angle[next as usize], next as usize));
                 }
@@ -371,7 +371,7 @@ impl Trimmed {
 
     /// Area of a cell.
     pub fn area_of(&self, t: usize) -> f64 {
-        area(&self.cells.cells[t].map(|s| self.points[s as usize]))
+        area(&self.cells[t].corners.map(|s| self.points[s as usize]))
     }
 }
 

@@ -5,7 +5,7 @@ use crate::domain::Chord;
 use crate::kdtree::Bounds;
 use crate::level::{Choice, Triangulated, each_in};
 use crate::point::{NONE, distance, orient};
-use crate::triangulation::{Cells, counted};
+use crate::triangulation::counted;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -238,31 +238,31 @@ impl Work<'_> {
     }
 
     /// Sites and cells as they are now; the choice follows.
-    pub(super) fn finish(self, old_sites: &[u32], choice: &mut Choice) -> Triangulated {
+    pub(super) fn finish(self, choice: &mut Choice) -> Triangulated {
         let facets = self.scene.domain.len();
-        let mut sites = old_sites.to_vec();
-        sites.extend(
-            self.candidate[sites.len()..].iter().map(|&k| {
-                if (k as usize) < facets { k } else { facets as u32 + self.scene.candidates.nodes[k as usize] }
-            }),
-        );
+        let (before, mut sites) = (self.sites.len(), self.sites);
+        let site =
+            |k: u32| if (k as usize) < facets { k } else { facets as u32 + self.scene.candidates.nodes[k as usize] };
+        sites.extend(self.candidate[before..].iter().map(|&k| site(k)));
         // a site is there where its candidate is taken, and by this site: the last to take it
         let mut stays = vec![false; sites.len()];
         let mut taken = self.taken;
-        for s in (old_sites.len()..sites.len()).rev() {
+        for s in (before..sites.len()).rev() {
             stays[s] = std::mem::replace(&mut taken[self.candidate[s] as usize], false);
         }
-        let (old, new) = stays.split_at_mut(old_sites.len());
+        let (old, new) = stays.split_at_mut(before);
         old.par_iter_mut().zip(&self.candidate).for_each(|(stays, &k)| *stays = taken[k as usize]);
-        for (&k, _) in self.candidate[old_sites.len()..].iter().zip(new).filter(|(_, stays)| **stays) {
+        for (&k, _) in self.candidate[before..].iter().zip(new).filter(|(_, stays)| **stays) {
             taken[k as usize] = true;
         }
-        let (places, index) = counted(sites.len(), |s| stays[s]);
-        let kept: Vec<u32> = places.par_iter().map(|&s| sites[s as usize]).collect();
-        let points = places.par_iter().map(|&s| *self.patch.point(s)).collect();
-        let mut cells: Cells = self.patch.into_cells();
-        cells.cells.par_iter_mut().flatten_iter().for_each(|v| *v = index[*v as usize]);
-        choice.interior = kept.iter().filter_map(|&site| site.checked_sub(facets as u32)).collect();
+        let (_, index) = counted(sites.len(), |s| stays[s]);
+        let (mut points, mut cells) = self.patch.into_parts();
+        cells.par_iter_mut().for_each(|cell| cell.corners = cell.corners.map(|s| index[s as usize]));
+        let mut of_points = stays.iter();
+        points.retain(|_| of_points.next().is_some_and(|&stays| stays));
+        let mut of_sites = stays.iter();
+        sites.retain(|_| of_sites.next().is_some_and(|&stays| stays));
+        choice.interior = sites.iter().filter_map(|&site| site.checked_sub(facets as u32)).collect();
         if self.chords.len() > choice.chords.len() {
             choice.kept.copy_from_slice(&taken[..facets]);
             choice.chords = self.scene.domain.chords(&choice.kept);
@@ -271,10 +271,10 @@ impl Work<'_> {
             let place = |chord: &Chord| (chord.chain, chord.from % length(chord.chain));
             let number: HashMap<(u32, u32), u32> =
                 (0..).zip(&choice.chords).map(|(c, chord)| (place(chord), c)).collect();
-            for c in cells.constraints.iter_mut().flatten().filter(|c| **c != NONE) {
+            for c in cells.iter_mut().flat_map(|cell| &mut cell.constraints).filter(|c| **c != NONE) {
                 *c = 2 * number.get(&place(&self.chords[*c as usize / 2])).copied().unwrap_or(NONE) + *c % 2;
             }
         }
-        Triangulated { sites: kept, points, cells }
+        Triangulated { sites, points, cells }
     }
 }

@@ -54,12 +54,13 @@ impl<'a> Work<'a> {
     pub(super) fn new(
         scene: &'a Scene<'a>,
         guard: Guard,
-        level: &Triangulated,
+        level: Triangulated,
         choice: &Choice,
-        candidate: Vec<u32>,
+        candidate_of: impl Fn(u32) -> u32 + Sync,
         bends: bool,
     ) -> Work<'a> {
         let domain = scene.domain;
+        let candidate: Vec<u32> = level.sites.par_iter().map(|&site| candidate_of(site)).collect();
         let mut taken = vec![false; scene.candidates.nodes.len()];
         candidate.iter().for_each(|&k| taken[k as usize] = true);
         let mut may_go = vec![true; taken.len()];
@@ -72,7 +73,8 @@ impl<'a> Work<'a> {
         let names = candidate.par_iter().map(|&k| scene.candidates.nodes[k as usize]).collect();
         let budget = (BUDGET * (candidate.len() as i64 - scene.surplus) as f64) as i64 - scene.surplus;
         Work {
-            patch: Patch::new(level.points.clone(), names, &level.cells, choice.chords.len()),
+            patch: Patch::new(level.points, names, level.cells, choice.chords.len()),
+            sites: level.sites,
             chords: choice.chords.clone(),
             chords_before: Vec::new(),
             sides,
@@ -95,13 +97,13 @@ impl<'a> Work<'a> {
     }
 
     /// Does the work; `choice` becomes that of the level returned.
-    pub(super) fn done(mut self, sites: &[u32], choice: &mut Choice) -> (Triangulated, Outcome) {
+    pub(super) fn done(mut self, choice: &mut Choice) -> (Triangulated, Outcome) {
         self.lift(self.guard.min_angle);
         self.is_last = true;
         self.tries_left += TRIES.0;
         self.lift(self.guard.min_angle.min(LEAST));
-        let outcome = Outcome { crowded: self.crowded(sites.len()), surplus: (self.scene.surplus + self.added).max(0) };
-        (self.finish(sites, choice), outcome)
+        let outcome = Outcome { crowded: self.crowded(), surplus: (self.scene.surplus + self.added).max(0) };
+        (self.finish(choice), outcome)
     }
 
     /// Goes over the cells under a bound until none is left, or nothing helps.
@@ -344,10 +346,10 @@ impl<'a> Work<'a> {
     }
 
     /// Inserted candidates and those that they conflict with.
-    fn crowded(&self, old_sites: usize) -> Vec<(u32, f64)> {
+    fn crowded(&self) -> Vec<(u32, f64)> {
         let (scene, guard) = (self.scene, self.guard);
         let mut room = std::collections::BTreeMap::new();
-        for &k in self.candidate[old_sites..].iter().filter(|&&k| self.taken[k as usize]) {
+        for &k in self.candidate[self.sites.len()..].iter().filter(|&&k| self.taken[k as usize]) {
             let (p, f) = (scene.candidates.points[k as usize], scene.f[k as usize]);
             scene.candidates.tree.ball(&p, 2.0 * f / (guard.beta - guard.slope), |position, d_2| {
                 let other = scene.candidates.tree.order()[position];

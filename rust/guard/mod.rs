@@ -27,10 +27,10 @@ mod mend;
 mod patch;
 
 use crate::domain::{Chord, Domain};
+use crate::error::Error;
 use crate::level::{Candidates, Choice, Place, Triangulated};
 use crate::point::Point;
 use patch::Patch;
-use rayon::prelude::*;
 
 /// Share of nodes that the guard may add to a level.
 pub const BUDGET: f64 = 0.10;
@@ -84,7 +84,9 @@ struct Work<'a> {
     chords_before: Vec<usize>,
     /// How many of them each chain has now.
     sides: Vec<u32>,
-    /// Candidate of each site.
+    /// Sites of the level as it was.
+    sites: Vec<u32>,
+    /// Candidate of each site, of those that have come too.
     candidate: Vec<u32>,
     /// Whether a candidate is a site now.
     taken: Vec<bool>,
@@ -111,23 +113,27 @@ struct Work<'a> {
     best: Option<mend::Best>,
 }
 
-/// Betters a level; its choice follows.
+/// Betters the level that `triangulated` makes of a choice, which follows. `candidate_of` gives the candidate of a site.
+///
+/// # Errors
+/// Those of `triangulated`.
 pub fn better(
     scene: &Scene<'_>,
     guard: Guard,
-    level: &Triangulated,
     choice: &mut Choice,
+    triangulated: impl Fn(&mut Choice) -> Result<Triangulated, Error>,
     candidate_of: impl Fn(u32) -> u32 + Sync,
-) -> (Triangulated, Outcome) {
-    let candidate: Vec<u32> = level.sites.par_iter().map(|&site| candidate_of(site)).collect();
+) -> Result<(Triangulated, Outcome), Error> {
+    let level = triangulated(choice)?;
     let mut chosen = choice.clone();
-    let done = Work::new(scene, guard, level, choice, candidate.clone(), true).done(&level.sites, &mut chosen);
+    let done = Work::new(scene, guard, level, choice, &candidate_of, true).done(&mut chosen);
     let is_touched = chosen.kept != choice.kept;
     if is_touched && !is_valid(scene, &chosen, &done.0) {
-        return Work::new(scene, guard, level, choice, candidate, false).done(&level.sites, choice);
+        let level = triangulated(choice)?;
+        return Ok(Work::new(scene, guard, level, choice, &candidate_of, false).done(choice));
     }
     *choice = chosen;
-    done
+    Ok(done)
 }
 
 /// Whether the chords of a choice need no repair.

@@ -4,7 +4,7 @@
 //! triangulation is unique: a quadrilateral on a circle has the diagonal that avoids its lowest name. Predicates are exact.
 
 use crate::point::{NONE, Point, encloses_by_name, in_circle, orient};
-use crate::triangulation::{Cells, counted};
+use crate::triangulation::{Cell, staying};
 use rayon::prelude::*;
 
 /// Steps of a walk after which a point counts as not found.
@@ -13,13 +13,6 @@ pub(super) const MOST_STEPS: usize = 256;
 /// Cells that a change takes away on one side of a chord, at the most: filling a hole takes time cubic in them, and where
 /// needles gather around a node no single change helps.
 pub(super) const MOST_GONE: usize = 24;
-
-#[derive(Clone, Copy, PartialEq)]
-pub(super) struct Cell {
-    pub(super) corners: [u32; 3],
-    pub(super) neighbours: [u32; 3],
-    pub(super) constraints: [u32; 3],
-}
 
 pub(super) const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
 
@@ -56,21 +49,16 @@ pub struct Patch {
 
 impl Patch {
     /// Takes over cells beside a number of chords; `names` break ties.
-    pub fn new(points: Vec<Point<2>>, names: Vec<u32>, cells: &Cells, chords: usize) -> Patch {
-        let count = cells.cells.len();
-        let cell = |t: usize| Cell {
-            corners: cells.cells[t],
-            neighbours: cells.neighbours[t],
-            constraints: cells.constraints[t],
-        };
+    pub fn new(points: Vec<Point<2>>, names: Vec<u32>, cells: Vec<Cell>, chords: usize) -> Patch {
+        let count = cells.len();
         let mut at = vec![NONE; points.len()];
-        for (t, corners) in cells.cells.iter().enumerate() {
-            corners.iter().for_each(|&v| at[v as usize] = t as u32);
+        for (t, cell) in cells.iter().enumerate() {
+            cell.corners.iter().for_each(|&v| at[v as usize] = t as u32);
         }
         let mut patch = Patch {
             points,
             names,
-            cells: (0..count).into_par_iter().map(cell).collect(),
+            cells,
             at,
             saved: Vec::new(),
             saved_at: Vec::new(),
@@ -82,23 +70,16 @@ impl Patch {
             beside: vec![NONE; 2 * chords],
             is_fresh: vec![false; chords],
         };
-        for t in 0..count {
-            patch.register(t as u32);
-        }
+        let has_chord = |&t: &u32| patch.cells[t as usize].constraints != [NONE; 3];
+        let at_chords: Vec<u32> = (0..count as u32).into_par_iter().filter(has_chord).collect();
+        at_chords.into_iter().for_each(|t| patch.register(t));
         patch.break_ties();
         patch
     }
 
-    /// The cells, without those that are gone.
-    pub fn into_cells(self) -> Cells {
-        let (alive, index) = counted(self.cells.len(), |t| self.cells[t] != DEAD);
-        let neighbour = |t: u32| if t == NONE { NONE } else { index[t as usize] };
-        let cell = |&t: &u32| {
-            let cell = &self.cells[t as usize];
-            (cell.corners, (cell.neighbours.map(neighbour), cell.constraints))
-        };
-        let (cells, (neighbours, constraints)) = alive.par_iter().map(cell).unzip();
-        Cells { cells, neighbours, constraints }
+    /// The points, and the cells without those that are gone.
+    pub fn into_parts(self) -> (Vec<Point<2>>, Vec<Cell>) {
+        (self.points, staying(self.cells, |_, cell| *cell != DEAD))
     }
 
     /// Number of cells ever made.

@@ -1,6 +1,6 @@
 //! One constrained Delaunay triangulation, made by spade.
 
-use super::Cells;
+use super::Cell;
 use crate::error::Error;
 use crate::point::{NONE, Point, orient, power_of_two, scale_to};
 use rayon::prelude::*;
@@ -25,10 +25,10 @@ pub(super) fn triangulated(
     points: &[Point<2>],
     ends: &[[u32; 2]],
     name: impl Fn(usize) -> u32,
-) -> Result<(Cells, Vec<u32>), Error> {
+) -> Result<(Vec<Cell>, Vec<u32>), Error> {
     let third = off_the_line(points);
     if third == points.len() && third > FEW {
-        return along_a_line(points, ends, name).map(|failed| (Cells::default(), failed));
+        return along_a_line(points, ends, name).map(|failed| (Vec::new(), failed));
     }
     // while all points lie on a line, each costs spade as much as all before
     let order = Order { third: if third > FEW { third } else { 2 } };
@@ -49,13 +49,14 @@ pub(super) fn triangulated(
     let cell_of = |face: usize| face.checked_sub(1).map_or(NONE, |t| t as u32);
     let cell = |face: FixedFaceHandle<InnerTag>| {
         let edges = cdt.face(face).adjacent_edges();
-        let corners = edges.map(|e| order.point(e.from().fix().index()) as u32);
-        let beyond = edges.map(|e| cell_of(e.rev().face().fix().index()));
-        (corners, (beyond, edges.map(|e| on_edge[e.fix().index()])))
+        Cell {
+            corners: edges.map(|e| order.point(e.from().fix().index()) as u32),
+            neighbours: edges.map(|e| cell_of(e.rev().face().fix().index())),
+            constraints: edges.map(|e| on_edge[e.fix().index()]),
+        }
     };
     let faces: Vec<_> = cdt.fixed_inner_faces().collect();
-    let (cells, (neighbours, constraints)) = faces.into_par_iter().with_min_len(GRAIN).map(cell).unzip();
-    Ok((Cells { cells, neighbours, constraints }, failed))
+    Ok((faces.into_par_iter().with_min_len(GRAIN).map(cell).collect(), failed))
 }
 
 /// So many points on a line are no matter.

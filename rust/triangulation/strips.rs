@@ -9,7 +9,7 @@
 //! whole is triangulated in one piece. Strips depend on the points alone, never on the number of threads.
 
 use super::cdt::triangulated;
-use super::{Cells, counted};
+use super::{Cell, counted};
 use crate::error::Error;
 use crate::kdtree::Bounds;
 use crate::point::{NONE, Point};
@@ -31,7 +31,7 @@ const ROOM: f64 = 1.0 + 1e-6;
 const LEAST_SINE: f64 = 1e-6;
 
 /// [`triangulated`] in strips of so many columns; `None` where that is not worth it, or not possible.
-pub(super) fn in_strips(points: &[Point<2>], ends: &[[u32; 2]], columns: usize) -> Result<Option<Cells>, Error> {
+pub(super) fn in_strips(points: &[Point<2>], ends: &[[u32; 2]], columns: usize) -> Result<Option<Vec<Cell>>, Error> {
     let Some(strips) = Strips::new(points, columns) else { return Ok(None) };
     let count = strips.cuts.len() + 1;
     let mut members = vec![Vec::with_capacity(points.len() / count + points.len() / 8); count];
@@ -54,7 +54,7 @@ pub(super) fn in_strips(points: &[Point<2>], ends: &[[u32; 2]], columns: usize) 
         let ends: Vec<[u32; 2]> = own.iter().map(|&c| ends[c as usize].map(|i| places[i as usize].1)).collect();
         let (cells, failed) = triangulated(&points, &ends, |k| members[k])?;
         let stays = |cell: [u32; 3]| strips.holds(strip, cell.map(|k| points[k as usize]));
-        Ok(failed.is_empty().then(|| Part::new(&members, &own, cells, stays)))
+        Ok(failed.is_empty().then(|| Part::new(&members, &own, &cells, stays)))
     };
     let all: Vec<_> = members.into_iter().zip(own).enumerate().collect();
     let parts: Option<Vec<Part>> = all.into_par_iter().map(part).collect::<Result<_, Error>>()?;
@@ -104,7 +104,7 @@ impl Strips {
 /// What stays of one strip.
 struct Part {
     /// Its cells that stay; neighbours are counted among them.
-    cells: Cells,
+    cells: Vec<Cell>,
     /// Their edges to the region that is left over: cell and side.
     rim: Vec<(u32, usize)>,
     /// Points around that region.
@@ -113,14 +113,14 @@ struct Part {
 
 impl Part {
     /// From the cells of points and constraints with these names.
-    fn new(points: &[u32], constraints: &[u32], all: Cells, stays: impl Fn([u32; 3]) -> bool + Sync) -> Self {
-        let (staying, number) = counted(all.cells.len(), |t| stays(all.cells[t]));
+    fn new(points: &[u32], constraints: &[u32], all: &[Cell], stays: impl Fn([u32; 3]) -> bool + Sync) -> Self {
+        let (staying, number) = counted(all.len(), |t| stays(all[t].corners));
         let numbered = |t: u32| if t == NONE { NONE } else { number[t as usize] };
         let (mut is_corner, mut on_border) = (vec![false; points.len()], vec![false; points.len()]);
-        for ((corners, beyond), &own) in all.cells.iter().zip(&all.neighbours).zip(&number) {
+        for (Cell { corners, neighbours, .. }, &own) in all.iter().zip(&number) {
             for k in 0..3 {
                 is_corner[corners[k] as usize] = true;
-                if own == NONE || beyond[k] == NONE {
+                if own == NONE || neighbours[k] == NONE {
                     on_border[corners[k] as usize] = true;
                     on_border[corners[(k + 1) % 3] as usize] = true;
                 }
@@ -129,27 +129,26 @@ impl Part {
         let is_around = |&k: &usize| on_border[k] || !is_corner[k];
         let border = (0..points.len()).filter(is_around).map(|k| points[k]).collect();
         let renamed = |code: u32| if code == NONE { NONE } else { 2 * constraints[code as usize / 2] + code % 2 };
-        let (mut cells, mut rim) = (Cells::default(), Vec::new());
+        let (mut cells, mut rim) = (Vec::with_capacity(staying.len()), Vec::new());
         for t in staying.into_iter().map(|t| t as usize) {
-            let beyond = all.neighbours[t].map(numbered);
-            rim.extend((0..3).filter(|&k| beyond[k] == NONE).map(|k| (cells.cells.len() as u32, k)));
-            cells.cells.push(all.cells[t].map(|k| points[k as usize]));
-            cells.neighbours.push(beyond);
-            cells.constraints.push(all.constraints[t].map(renamed));
+            let neighbours = all[t].neighbours.map(numbered);
+            rim.extend((0..3).filter(|&k| neighbours[k] == NONE).map(|k| (cells.len() as u32, k)));
+            let corners = all[t].corners.map(|k| points[k as usize]);
+            cells.push(Cell { corners, neighbours, constraints: all[t].constraints.map(renamed) });
         }
         Part { cells, rim, border }
     }
 }
 
 /// The cells that stay, and those of the region left over.
-fn joined(points: &[Point<2>], ends: &[[u32; 2]], parts: &[Part]) -> Result<Option<Cells>, Error> {
+fn joined(points: &[Point<2>], ends: &[[u32; 2]], parts: &[Part]) -> Result<Option<Vec<Cell>>, Error> {
     let mut firsts = vec![0];
-    parts.iter().for_each(|part| firsts.push(firsts[firsts.len() - 1] + part.cells.cells.len() as u32));
+    parts.iter().for_each(|part| firsts.push(firsts[firsts.len() - 1] + part.cells.len() as u32));
     // edges between cells that stay and the region: cell, side, ends
     let mut rim = Vec::new();
     for (part, &first) in parts.iter().zip(&firsts) {
         for &(t, k) in &part.rim {
-            let corners = part.cells.cells[t as usize];
+            let corners = part.cells[t as usize].corners;
             rim.push(((first + t) as usize, k, [corners[k], corners[(k + 1) % 3]]));
         }
     }
@@ -173,8 +172,8 @@ fn joined(points: &[Point<2>], ends: &[[u32; 2]], parts: &[Part]) -> Result<Opti
     }
     let Some(numbers) = beyond_rim(&region, real.len(), firsts[parts.len()]) else { return Ok(None) };
     for (t, &own) in numbers.iter().enumerate().filter(|&(_, &own)| own != NONE) {
-        let mut beyond = region.neighbours[t].map(|next| if next == NONE { NONE } else { numbers[next as usize] });
-        let mut constraints = region.constraints[t];
+        let mut beyond = region[t].neighbours.map(|next| if next == NONE { NONE } else { numbers[next as usize] });
+        let mut constraints = region[t].constraints;
         for k in 0..3 {
             let Some(c) = (constraints[k] != NONE).then_some(constraints[k] as usize / 2) else { continue };
             constraints[k] = match c.checked_sub(real.len()) {
@@ -182,31 +181,29 @@ fn joined(points: &[Point<2>], ends: &[[u32; 2]], parts: &[Part]) -> Result<Opti
                 Some(edge) => {
                     let (cell, side, _) = rim[edge];
                     beyond[k] = cell as u32;
-                    out.neighbours[cell][side] = own;
-                    match out.constraints[cell][side] {
+                    out[cell].neighbours[side] = own;
+                    match out[cell].constraints[side] {
                         NONE => NONE,
                         code => code ^ 1,
                     }
                 }
             };
         }
-        out.cells.push(region.cells[t].map(|k| border[k as usize]));
-        out.neighbours.push(beyond);
-        out.constraints.push(constraints);
+        out.push(Cell { corners: region[t].corners.map(|k| border[k as usize]), neighbours: beyond, constraints });
     }
     Ok(Some(out))
 }
 
 /// Numbers, from `first`, of the cells on the right of the constraints from `rim` on, flooded up to these; `None` where
 /// there are none or the flood comes to their left.
-fn beyond_rim(region: &Cells, rim: usize, first: u32) -> Option<Vec<u32>> {
+fn beyond_rim(region: &[Cell], rim: usize, first: u32) -> Option<Vec<u32>> {
     let on_rim = |code: u32| code != NONE && code as usize / 2 >= rim;
-    let mut is_in = vec![false; region.cells.len()];
+    let mut is_in = vec![false; region.len()];
     let right = |codes: &[u32; 3]| codes.iter().any(|&code| on_rim(code) && code % 2 == 1);
-    let mut stack: Vec<usize> = (0..is_in.len()).filter(|&t| right(&region.constraints[t])).collect();
+    let mut stack: Vec<usize> = (0..is_in.len()).filter(|&t| right(&region[t].constraints)).collect();
     stack.iter().for_each(|&t| is_in[t] = true);
     while let Some(t) = stack.pop() {
-        for (&next, &code) in region.neighbours[t].iter().zip(&region.constraints[t]) {
+        for (&next, &code) in region[t].neighbours.iter().zip(&region[t].constraints) {
             if on_rim(code) && code % 2 == 0 {
                 return None;
             }
@@ -227,30 +224,21 @@ fn beyond_rim(region: &Cells, rim: usize, first: u32) -> Option<Vec<u32>> {
 }
 
 /// The cells of all parts, counted on, with room for more.
-fn concatenated(parts: &[Part], firsts: &[u32], room: usize) -> Cells {
-    let filled = |rows: fn(&Part) -> &[[u32; 3]]| {
-        let mut all = Vec::with_capacity(room);
-        parts.iter().for_each(|part| all.extend_from_slice(rows(part)));
-        all
-    };
-    let neighbours = || {
-        let mut all = Vec::with_capacity(room);
-        for (part, &first) in parts.iter().zip(firsts) {
-            let next = |t: u32| if t == NONE { NONE } else { first + t };
-            all.extend(part.cells.neighbours.iter().map(|beyond| beyond.map(next)));
-        }
-        all
-    };
-    let rest = || (filled(|part| &part.cells.cells), filled(|part| &part.cells.constraints));
-    let (neighbours, (cells, constraints)) = rayon::join(neighbours, rest);
-    Cells { cells, neighbours, constraints }
+fn concatenated(parts: &[Part], firsts: &[u32], room: usize) -> Vec<Cell> {
+    let mut all = Vec::with_capacity(room);
+    for (part, &first) in parts.iter().zip(firsts) {
+        let next = |t: u32| if t == NONE { NONE } else { first + t };
+        all.par_extend(part.cells.par_iter().map(|cell| Cell { neighbours: cell.neighbours.map(next), ..*cell }));
+    }
+    all
 }
 
 /// Whether cells triangulate the hull of all points, by Euler's formula, and have all constraints.
-fn is_whole(cells: &Cells, points: usize, constraints: usize) -> bool {
-    let on_hull = cells.neighbours.par_iter().flatten_iter().filter(|&&next| next == NONE).count();
-    let codes: Vec<u32> = cells.constraints.par_iter().flatten_iter().copied().filter(|&code| code != NONE).collect();
+fn is_whole(cells: &[Cell], points: usize, constraints: usize) -> bool {
+    let on_hull = cells.par_iter().flat_map_iter(|cell| cell.neighbours).filter(|&next| next == NONE).count();
+    let codes: Vec<u32> =
+        cells.par_iter().flat_map_iter(|cell| cell.constraints).filter(|&code| code != NONE).collect();
     let mut is_there = vec![false; constraints];
     codes.iter().for_each(|&code| is_there[code as usize / 2] = true);
-    cells.cells.len() + on_hull + 2 == 2 * points && is_there.iter().all(|&is_there| is_there)
+    cells.len() + on_hull + 2 == 2 * points && is_there.iter().all(|&is_there| is_there)
 }

@@ -59,15 +59,15 @@ fn sorted(points: Vec<Point<2>>, ends: Vec<[u32; 2]>) -> (Vec<Point<2>>, Vec<[u3
     (order.into_iter().map(|i| points[i as usize]).collect(), moved)
 }
 
-fn is_constrained_delaunay(points: &[Point<2>], ends: &[[u32; 2]], all: &Cells) {
+fn is_constrained_delaunay(points: &[Point<2>], ends: &[[u32; 2]], all: &[Cell]) {
     let at = |i: u32| &points[i as usize];
     let mut seen = vec![[0; 2]; ends.len()];
     let mut on_hull = 0;
-    for (t, corners) in all.cells.iter().enumerate() {
+    for (t, Cell { corners, .. }) in all.iter().enumerate() {
         assert!(orient(at(corners[0]), at(corners[1]), at(corners[2])) > 0.0, "cell {t}");
         for k in 0..3 {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            let (next, code) = (all.neighbours[t][k], all.constraints[t][k]);
+            let (next, code) = (all[t].neighbours[k], all[t].constraints[k]);
             if code != NONE {
                 let mut ends = ends[code as usize / 2];
                 if code % 2 == 1 {
@@ -80,17 +80,17 @@ fn is_constrained_delaunay(points: &[Point<2>], ends: &[[u32; 2]], all: &Cells) 
                 on_hull += 1;
                 continue;
             }
-            let other = all.cells[next as usize];
+            let other = all[next as usize].corners;
             let j = (0..3).find(|&j| other[j] == b && other[(j + 1) % 3] == a).expect("the neighbour has the edge");
-            assert_eq!(all.neighbours[next as usize][j], t as u32);
-            assert_eq!(all.constraints[next as usize][j], if code == NONE { NONE } else { code ^ 1 });
+            assert_eq!(all[next as usize].neighbours[j], t as u32);
+            assert_eq!(all[next as usize].constraints[j], if code == NONE { NONE } else { code ^ 1 });
             if code == NONE {
                 let beyond = at(other[(j + 2) % 3]);
                 assert!(in_circle(at(corners[0]), at(corners[1]), at(corners[2]), beyond) <= 0.0, "edge {a} {b}");
             }
         }
     }
-    assert_eq!(all.cells.len() + on_hull + 2, 2 * points.len());
+    assert_eq!(all.len() + on_hull + 2, 2 * points.len());
     assert!(seen.iter().all(|&[left, right]| left <= 1 && right <= 1 && left + right >= 1));
 }
 
@@ -188,7 +188,8 @@ fn a_thousand_small_clouds_in_narrow_strips() {
         let (coarse, _) = cdt::triangulated(&some, &[], |k| k as u32).expect("no points repeat");
         let (points, _) = sorted(points, Vec::new());
         let name = |k: u32| points.iter().position(|p| *p == some[k as usize]).expect("one of them") as u32;
-        let edges = coarse.cells.iter().map(|c| [c[0], c[1]]).filter(|e| e[0] < e[1] && round % 4 != 1);
+        let edges =
+            coarse.iter().map(|cell| [cell.corners[0], cell.corners[1]]).filter(|e| e[0] < e[1] && round % 4 != 1);
         let ends: Vec<[u32; 2]> = edges.filter(|_| next() < 0.1).map(|e| e.map(name)).collect();
         if let Some(cells) = strips::in_strips(&points, &ends, 4).expect("no points repeat") {
             is_constrained_delaunay(&points, &ends, &cells);
