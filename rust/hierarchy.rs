@@ -244,12 +244,7 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
         let (levels, stopped) = crate::skeleton::hierarchy(input.points, input.cells, &domain, options, progress)?;
         return Ok((levels, stopped, finest()));
     }
-    let gaps = || {
-        let mut cap = domain.gaps();
-        cap.resize(nodes.len(), f64::INFINITY);
-        cap
-    };
-    let (finest, cap) = rayon::join(finest, || options.keep.then(gaps));
+    let (finest, cap) = rayon::join(finest, || options.keep.then(|| domain.gaps()));
     let base = Base { input, options, progress, domain: &domain, all: &all, g: &g };
     let spacing = base.spacing(cap.as_deref())?;
     let mut builder = base.builder(&spacing);

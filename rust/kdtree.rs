@@ -297,9 +297,18 @@ impl<const D: usize> KdTree<D> {
 
     /// The greatest of `values` (in leaf order) in every node; NaN counts as absent.
     pub fn node_max(&self, values: &[f64]) -> Vec<f64> {
-        let greatest = |a: &f64, b: &f64| if b > a { *b } else { *a };
+        self.folded_max(|range| values[range].iter().copied())
+    }
+
+    /// The greatest of `values` (by original index) in every node; NaN counts as absent.
+    pub fn node_max_of(&self, values: &[f64]) -> Vec<f64> {
+        self.folded_max(|range| self.order[range].iter().map(|&i| values[i as usize]))
+    }
+
+    fn folded_max<I: Iterator<Item = f64>>(&self, values: impl Fn(Range<usize>) -> I + Sync) -> Vec<f64> {
+        let greatest = |a: f64, b: f64| if b > a { b } else { a };
         let lowest = f64::NEG_INFINITY;
-        self.folded(lowest, |range| values[range].iter().fold(lowest, |a, b| greatest(&a, b)), greatest)
+        self.folded(lowest, |range| values(range).fold(lowest, greatest), |&a, &b| greatest(a, b))
     }
 
     /// Branch and bound: visits the leaves whose `bound` is under the limit, the more promising child first. `visit` gets

@@ -198,8 +198,7 @@ pub fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], g
         return;
     }
     let tree: &KdTree<2> = &candidates.tree;
-    let in_leaves: Vec<f64> = tree.order().par_iter().map(|&k| f[k as usize]).collect();
-    let most = tree.node_max(&in_leaves);
+    let most = tree.node_max_of(f);
     for &(v, room) in rooms {
         let p = candidates.points[v as usize];
         let reached = |node: usize| room + gradation * tree.bounds(node).distance_2(&p).sqrt() < most[node];
@@ -241,17 +240,14 @@ pub fn near_facets(
     let place = |k: usize| places[k - facets].load(Ordering::Relaxed);
     let put = |k: usize, place: Place| places[k - facets].fetch_max(place as u8, Ordering::Relaxed);
     let tree: &KdTree<2> = &candidates.tree;
-    // f of the interior candidates; none is negative
-    let spacing = |&k: &u32| if (k as usize) < facets { -1.0 } else { f[k as usize] };
-    let in_leaves: Vec<f64> = tree.order().par_iter().map(spacing).collect();
-    let most = tree.node_max(&in_leaves);
+    let most = tree.node_max_of(f);
     chords.par_iter().with_min_len(CHORDS_AT_ONCE).for_each(|chord| {
         let ends = chord.vertices.map(|v| domain.points[v as usize]);
         let [a, b] = &ends;
         let segment = Bounds::of(&ends);
         let reached = |node: usize| {
             let (reach, bounds) = (delta * most[node], tree.bounds(node));
-            most[node] >= 0.0 && bounds.gap_2(&segment) < reach * reach && is_within(bounds, &ends, reach)
+            bounds.gap_2(&segment) < reach * reach && is_within(bounds, &ends, reach)
         };
         each_in(tree, reached, |k| {
             let is_near = || segment_distance_2(&candidates.points[k], a, b) < (delta * f[k]) * (delta * f[k]);
@@ -264,7 +260,7 @@ pub fn near_facets(
             let deviation = chord.deviation_2.sqrt();
             let touched = |node: usize| {
                 let bounds = tree.bounds(node);
-                most[node] >= 0.0 && bounds.gap_2(&piece) == 0.0 && is_within(bounds, &ends, deviation)
+                bounds.gap_2(&piece) == 0.0 && is_within(bounds, &ends, deviation)
             };
             each_in(tree, touched, |k| {
                 let is_open = k >= facets && place(k) < Place::CutOff as u8;

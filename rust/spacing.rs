@@ -78,7 +78,8 @@ struct Cap {
 }
 
 impl<'a, const D: usize> CoarseSpacing<'a, D> {
-    /// Prepares for g and `cap`, both by original index; an infinite `cap` holds nothing down.
+    /// Prepares for g and `cap`, both by original index; an infinite `cap` holds nothing down, nor does one that is not
+    /// there: `cap` may be shorter.
     ///
     /// Runtime: O(n).
     pub fn new(tree: &'a KdTree<D>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
@@ -86,12 +87,11 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     }
 
     fn over(tree: Cow<'a, KdTree<D>>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
-        let in_leaf_order =
-            |values: &[f64]| -> Vec<f64> { tree.order().par_iter().map(|&i| values[i as usize]).collect() };
-        let g = in_leaf_order(g);
+        let g: Vec<f64> = tree.order().par_iter().map(|&i| g[i as usize]).collect();
         let least_g = tree.node_min(&g);
         let cap = cap.map(|cap| {
-            let at = in_leaf_order(cap);
+            let at = |&i: &u32| cap.get(i as usize).copied().unwrap_or(f64::INFINITY);
+            let at: Vec<f64> = tree.order().par_iter().map(at).collect();
             Cap { least: tree.node_min(&at), at }
         });
         CoarseSpacing { tree, gradation, g, least_g, cap, is_nearest: false }

@@ -110,7 +110,7 @@ impl<'a> Work<'a> {
     fn lift(&mut self, bound: f64) {
         self.sharp = bound.cos();
         let (patch, sharp) = (&self.patch, self.sharp);
-        let is_under = |&t: &u32| patch.corners(t).is_some() && patch.sharpness(t) > sharp;
+        let is_under = |&t: &u32| patch.may_be_sharper(t, sharp) && patch.sharpness(t) > sharp;
         let mut bad: Vec<u32> = (0..patch.len() as u32).into_par_iter().filter(is_under).collect();
         for _ in 0..MOST_ROUNDS {
             if bad.is_empty() {

@@ -14,6 +14,12 @@ pub(super) const MOST_STEPS: usize = 256;
 /// needles gather around a node no single change helps.
 pub(super) const MOST_GONE: usize = 24;
 
+/// Room for the rounding of a squared cosine, relative.
+const ROOM: f64 = 1e-12;
+
+/// Squares of lengths whose product may vanish are less than this.
+const VANISHING: f64 = 1e-150;
+
 pub(super) const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
 
 /// An edge of a cavity or hole, seen from inside: ends, cell behind it, constraint on it.
@@ -211,10 +217,32 @@ impl Patch {
         self.sharpness_of(&self.cells[t as usize])
     }
 
-    fn sharpness_of(&self, cell: &Cell) -> f64 {
+    /// False where the cell is gone, and where [`Patch::sharpness`] is not over `sharp` (not negative); needs no root.
+    pub fn may_be_sharper(&self, t: u32, sharp: f64) -> bool {
+        let cell = &self.cells[t as usize];
+        if *cell == DEAD {
+            return false;
+        }
+        let edges = self.edges(cell);
+        let square = edges.map(|e| e[0] * e[0] + e[1] * e[1]);
+        let least = sharp * sharp * (1.0 - ROOM);
+        (0..3).any(|k| {
+            let j = (k + 2) % 3;
+            let scalar = -(edges[k][0] * edges[j][0] + edges[k][1] * edges[j][1]);
+            // what is no number, or vanishes in floats, is left to the roots
+            !(scalar < 0.0 || scalar * scalar < least * (square[k] * square[j])) || square[k] < VANISHING
+        })
+    }
+
+    /// The edges of a cell as vectors.
+    fn edges(&self, cell: &Cell) -> [Point<2>; 3] {
         let p = cell.corners.map(|v| self.points[v as usize]);
         let edge = |k: usize| [p[(k + 1) % 3][0] - p[k][0], p[(k + 1) % 3][1] - p[k][1]];
-        let edges = [edge(0), edge(1), edge(2)];
+        [edge(0), edge(1), edge(2)]
+    }
+
+    fn sharpness_of(&self, cell: &Cell) -> f64 {
+        let edges = self.edges(cell);
         let length = edges.map(|e| (e[0] * e[0] + e[1] * e[1]).sqrt());
         let mut most = -1.0;
         for k in 0..3 {

@@ -121,14 +121,15 @@ impl Builder<'_> {
         picked.iter().for_each(|&k| is_out[k as usize] = false);
         let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;
         if !around.is_empty() {
-            let mut at_all = vec![f64::NAN; n];
+            let mut scaled = vec![f64::NAN; n];
             let at_around = self.spacing_at(level, all, &around)?;
-            let values = picked.iter().zip(&f).chain(around.iter().zip(&at_around));
-            values.for_each(|(&k, &value)| at_all[k as usize] = value);
-            let scaled: Vec<f64> = at_all.par_iter().map(|value| value / finer).collect();
-            picked.extend(greedy_in_tiles(tree, &scaled, beta, &around, &known.set, self.progress)?);
+            let values = || picked.iter().zip(&f).chain(around.iter().zip(&at_around));
+            values().for_each(|(&k, &value)| scaled[k as usize] = value / finer);
+            let more = greedy_in_tiles(tree, &scaled, beta, &around, &known.set, self.progress)?;
+            values().for_each(|(&k, &value)| scaled[k as usize] = value);
+            picked.extend(more);
             picked.sort_unstable();
-            f = picked.iter().map(|&k| at_all[k as usize]).collect();
+            f = picked.iter().map(|&k| scaled[k as usize]).collect();
         }
         Ok(Pool { f, ..all.subset(&picked, known.set.len() + around.len()) })
     }

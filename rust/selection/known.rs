@@ -97,22 +97,20 @@ pub fn conflicting<const D: usize>(
     }
     let rule = Rule::new(beta);
     let positions = tree.positions();
-    let weights: Vec<f64> = tree.order().par_iter().map(|&i| f[i as usize]).collect();
-    let most = tree.node_max(&weights);
+    let most = tree.node_max_of(f);
     let found: Vec<Vec<u32>> = of
         .par_chunks(GRAIN)
         .map(|of| {
             progress.check()?;
             let mut found = Vec::new();
-            for p in of.iter().map(|&i| positions[i as usize] as usize) {
-                let x = &tree.points()[p];
+            for &i in of {
+                let (x, own) = (&tree.points()[positions[i as usize] as usize], f[i as usize]);
                 tree.descend(
-                    |node| may_conflict(tree, rule, node, x, weights[p] + most[node]),
+                    |node| may_conflict(tree, rule, node, x, own + most[node]),
                     |_, range| {
                         for q in range {
                             let j = tree.order()[q];
-                            if is_wanted(j) && rule.conflict(distance_2(&tree.points()[q], x), weights[p] + weights[q])
-                            {
+                            if is_wanted(j) && rule.conflict(distance_2(&tree.points()[q], x), own + f[j as usize]) {
                                 found.push(j);
                             }
                         }

@@ -30,13 +30,13 @@ const WORTH_SHARING: usize = 1024;
 
 /// The step of a spacing: exponent and the first three bits of the mantissa, greatest first.
 #[inline(always)]
-fn step(f: f64) -> usize {
-    (!f.to_bits() >> 49) as usize
+fn step(f: f64) -> u16 {
+    (!f.to_bits() >> 49) as u16
 }
 
 /// Sorts ascending candidates by descending f in steps of about an eighth of an octave, ties by candidate.
 pub fn rank(order: &mut [u32], f: &[f64]) {
-    let keys: Vec<usize> = order.iter().map(|&k| step(f[k as usize])).collect();
+    let keys: Vec<u16> = order.iter().map(|&k| step(f[k as usize])).collect();
     let (sorted, _) = sorted_by_step(order, &keys, |_| 0, 1);
     order.copy_from_slice(&sorted);
 }
@@ -66,7 +66,7 @@ pub fn greedy_in_tiles<const D: usize>(
     let tiles = Tiles::new(tree, beta);
     let positions = tree.positions();
     let last = tiles.count();
-    let (steps, places): (Vec<usize>, Vec<u16>) = order
+    let (steps, places): (Vec<u16>, Vec<u16>) = order
         .par_iter()
         .map(|&k| {
             let own = f[k as usize];
@@ -106,8 +106,9 @@ pub fn greedy_in_tiles<const D: usize>(
         progress.check()?;
         take(bounds[last].0..bounds[last].1, &mut joined);
     }
-    joined.sort_unstable();
-    Ok(joined)
+    let mut has_joined = vec![false; tree.len()];
+    joined.iter().for_each(|&k| has_joined[k as usize] = true);
+    Ok(order.par_iter().copied().filter(|&k| has_joined[k as usize]).collect())
 }
 
 /// Subtrees of one depth.
@@ -145,13 +146,13 @@ impl<'a, const D: usize> Tiles<'a, D> {
 /// Stable counting sort by (step, place); also start and end of each place (`places` of them) in each step there is.
 fn sorted_by_step(
     order: &[u32],
-    steps: &[usize],
+    steps: &[u16],
     place: impl Fn(usize) -> usize,
     places: usize,
 ) -> (Vec<u32>, Vec<(usize, usize)>) {
-    let (least, most) = steps.iter().fold((usize::MAX, 0), |(a, b), &s| (a.min(s), b.max(s)));
-    let mut bounds = vec![(0, 0); places * (most + 1).saturating_sub(least)];
-    let bucket = |i: usize| (steps[i] - least) * places + place(i);
+    let (least, most) = steps.iter().fold((u16::MAX, 0), |(a, b), &s| (a.min(s), b.max(s)));
+    let mut bounds = vec![(0, 0); places * (usize::from(most) + 1).saturating_sub(usize::from(least))];
+    let bucket = |i: usize| usize::from(steps[i] - least) * places + place(i);
     (0..order.len()).for_each(|i| bounds[bucket(i)].1 += 1);
     let mut start = 0;
     for (from, to) in &mut bounds {
