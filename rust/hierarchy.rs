@@ -358,14 +358,13 @@ fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
     domain.nodes().iter().for_each(|&node| on_facet[node as usize] = true);
     let mut nodes: Vec<u32> = (0..facets as u32).map(|v| domain.copies(v)[0]).collect();
     nodes.extend((0..points.len() as u32).filter(|&i| !on_facet[i as usize]));
-    let place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
+    let mut place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
     let tree = KdTree::new(&place);
     let is_interior = |k: &u32| *k as usize >= facets;
     let interior = tree.order().par_iter().filter(|&k| is_interior(k));
     let sorted: Vec<u32> = interior.map(|&k| nodes[k as usize]).collect();
     nodes.truncate(facets);
     nodes.par_extend(sorted);
-    let mut place = place;
     let in_order = tree.order().iter().zip(tree.points()).filter(|&(k, _)| is_interior(k)).map(|(_, point)| *point);
     place[facets..].iter_mut().zip(in_order).for_each(|(place, point)| *place = point);
     let tree = Cow::Owned(tree.numbered_from(facets as u32));

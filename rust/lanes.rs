@@ -57,20 +57,31 @@ pub fn greatest(values: &[f64]) -> f64 {
 /// The points, up to 32 of them and as bits, for which something holds of them and their values.
 #[inline(always)]
 pub fn bits<const D: usize>(points: &[Point<D>], values: &[f64], holds: impl Fn(&Point<D>, f64) -> bool) -> u32 {
-    let bit = |k: usize| u32::from(holds(&points[k], values[k])) << k;
+    let bit = |k: usize, point, value| u32::from(holds(point, value)) << k;
     let (chunks, rest) = points.as_chunks::<LANES>();
     let mut bits = 0;
     for (c, (points, values)) in chunks.iter().zip(values.as_chunks::<LANES>().0).enumerate() {
         for k in 0..LANES {
-            bits |= u32::from(holds(&points[k], values[k])) << (c * LANES + k);
+            bits |= bit(c * LANES + k, &points[k], values[k]);
         }
     }
-    (points.len() - rest.len()..points.len()).fold(bits, |bits, k| bits | bit(k))
+    let first = points.len() - rest.len();
+    rest.iter().enumerate().fold(bits, |bits, (k, point)| bits | bit(first + k, point, values[first + k]))
+}
+
+/// The places of the ones among some bits, ascending.
+#[inline(always)]
+pub fn ones(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = (bits != 0).then(|| bits.trailing_zeros() as usize);
+        bits &= bits.wrapping_sub(1);
+        place
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{LANES, bits, greatest, least_of, whole};
+    use super::{LANES, bits, greatest, least_of, ones, whole};
 
     #[test]
     fn ranges_are_widened_to_whole_lanes() {
@@ -97,6 +108,7 @@ mod tests {
             assert_eq!(greatest(&values), values.iter().copied().fold(f64::NEG_INFINITY, f64::max));
             let one_by_one = (0..points.len()).fold(0, |bits, k| bits | u32::from(sum(k) > 6.0) << k);
             assert_eq!(bits(&points, &values, |p, v| p[0] + v > 6.0), one_by_one);
+            assert!(ones(one_by_one).eq((0..points.len()).filter(|&k| sum(k) > 6.0)));
         }
     }
 

@@ -206,10 +206,7 @@ fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found:
                     let bounds = tree.bounds(node);
                     let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
                     let points = &tree.points()[lanes::whole(&range, tree.len())];
-                    let mut asked = few.asked(|x, _, best| bounds.distance_2(x) < best);
-                    while asked != 0 {
-                        let k = asked.trailing_zeros() as usize;
-                        asked &= asked - 1;
+                    for k in lanes::ones(few.asked(|x, _, best| bounds.distance_2(x) < best)) {
                         let least = least_apart_2(points, few.at(k));
                         let best = few.best_mut(k);
                         *best = if least < *best { least } else { *best };

@@ -22,7 +22,6 @@
 //! documentation. Angles between two facets are left aside, unless the guard bent one of them.
 
 mod change;
-mod facets;
 mod mend;
 mod patch;
 

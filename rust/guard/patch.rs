@@ -3,16 +3,19 @@
 //! Ties of cocircular points are broken as if the lifting of the point with the lowest name were raised a little, so the
 //! triangulation is unique: a quadrilateral on a circle has the diagonal that avoids its lowest name. Predicates are exact.
 
+mod facets;
+mod points;
+
 use crate::point::{NONE, Point, encloses_by_name, in_circle, orient};
 use crate::triangulation::{Cell, staying};
 use rayon::prelude::*;
 
 /// Steps of a walk after which a point counts as not found.
-pub(super) const MOST_STEPS: usize = 256;
+const MOST_STEPS: usize = 256;
 
 /// Cells that a change takes away on one side of a chord, at the most: filling a hole takes time cubic in them, and where
 /// needles gather around a node no single change helps.
-pub(super) const MOST_GONE: usize = 24;
+const MOST_GONE: usize = 24;
 
 /// Room for the rounding of a squared cosine, relative.
 const ROOM: f64 = 1e-12;
@@ -20,23 +23,23 @@ const ROOM: f64 = 1e-12;
 /// Squares of lengths whose product may vanish are less than this.
 const VANISHING: f64 = 1e-150;
 
-pub(super) const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
+const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
 
 /// An edge of a cavity or hole, seen from inside: ends, cell behind it, constraint on it.
 #[derive(Clone, Copy)]
-pub(super) struct Rim {
-    pub(super) ends: [u32; 2],
-    pub(super) behind: u32,
-    pub(super) constraint: u32,
+struct Rim {
+    ends: [u32; 2],
+    behind: u32,
+    constraint: u32,
 }
 
 /// The triangulation (see the module).
 pub struct Patch {
-    pub(super) points: Vec<Point<2>>,
+    points: Vec<Point<2>>,
     names: Vec<u32>,
-    pub(super) cells: Vec<Cell>,
+    cells: Vec<Cell>,
     /// A cell at each point.
-    pub(super) at: Vec<u32>,
+    at: Vec<u32>,
     /// Cells as they were before the changes at hand.
     saved: Vec<(u32, Cell)>,
     saved_at: Vec<(u32, u32)>,
@@ -48,9 +51,9 @@ pub struct Patch {
     mark: Vec<u32>,
     marks: u32,
     /// The cell on each side of each chord: 2 c is left of chord c, 2 c + 1 right of it.
-    pub(super) beside: Vec<u32>,
+    beside: Vec<u32>,
     /// Whether a chord runs where the level had none before: its angles count.
-    pub(super) is_fresh: Vec<bool>,
+    is_fresh: Vec<bool>,
 }
 
 impl Patch {
@@ -259,7 +262,7 @@ impl Patch {
         most
     }
 
-    pub(super) fn set(&mut self, t: u32, cell: Cell) {
+    fn set(&mut self, t: u32, cell: Cell) {
         let k = t as usize;
         let is_old = self.before.last().is_some_and(|before| k < before[2]);
         if is_old && self.stamp[k] != self.change {
@@ -286,7 +289,7 @@ impl Patch {
         self.cells.len() as u32 - 1
     }
 
-    pub(super) fn set_at(&mut self, v: u32, t: u32) {
+    fn set_at(&mut self, v: u32, t: u32) {
         if !self.before.is_empty() {
             self.saved_at.push((v, self.at[v as usize]));
         }
@@ -305,7 +308,7 @@ impl Patch {
     }
 
     /// Whether `d` lies in the circle through `a`, `b`, `c` (counter-clockwise), ties broken by name.
-    pub(super) fn in_circle(&self, [a, b, c]: [u32; 3], d: u32) -> bool {
+    fn in_circle(&self, [a, b, c]: [u32; 3], d: u32) -> bool {
         let det = in_circle(self.point(a), self.point(b), self.point(c), self.point(d));
         if det != 0.0 {
             return det > 0.0;
@@ -372,175 +375,26 @@ impl Patch {
         }
         true
     }
+}
 
-    /// The cell that holds a point, walking from a cell; `None` where a wall is in the way.
-    fn locate(&self, p: &Point<2>, from: u32) -> Option<u32> {
-        let mut t = from;
-        for step in 0..MOST_STEPS {
-            let cell = &self.cells[t as usize];
-            // from the lowest name on: the way must not depend on where a cell begins
-            let name = |k: usize| self.names[cell.corners[k] as usize];
-            let first = (1..3).fold(0, |least, k| if name(k) < name(least) { k } else { least });
-            let out = (0..3)
-                .map(|k| (first + k + step) % 3)
-                .find(|&k| orient(self.point(cell.corners[k]), self.point(cell.corners[(k + 1) % 3]), p) < 0.0);
-            match out {
-                None => return Some(t),
-                Some(k) if cell.neighbours[k] == NONE || cell.constraints[k] != NONE => return None,
-                Some(k) => t = cell.neighbours[k],
-            }
-        }
-        None
-    }
+#[cfg(test)]
+mod tests {
+    use super::{Cell, NONE, Patch};
+    use proptest::prelude::*;
 
-    /// Inserts a point that was added, walking from a cell. `fits` is asked for every point it would be joined to. False,
-    /// and nothing changed by this call, where it can't be.
-    pub fn insert(&mut self, v: u32, from: u32, fits: impl Fn(u32) -> bool) -> bool {
-        let p = self.points[v as usize];
-        let Some(first) = self.locate(&p, from) else { return false };
-        let (cavity, rims) = self.cavity(v, first);
-        let is_seen = |rim: &Rim| orient(self.point(rim.ends[0]), self.point(rim.ends[1]), &p) > 0.0;
-        if rims.len() != cavity.len() + 2 || !rims.iter().all(|rim| is_seen(rim) && fits(rim.ends[0])) {
-            return false;
+    proptest! {
+        #[test]
+        fn no_cell_over_a_bound_is_passed_over(
+            turn in 0.0..7.0f64, angle in 1e-4..3.1f64, ratio in 1e-3..1.0f64, size in -170..150, ulps in 1..40u64,
+        ) {
+            let size = 10f64.powi(size);
+            let place = |length: f64, turn: f64| [size * length * turn.cos(), size * length * turn.sin()];
+            let points = vec![[0.0; 2], place(1.0, turn), place(ratio, turn + angle)];
+            let cell = Cell { corners: [0, 1, 2], neighbours: [NONE; 3], constraints: [NONE; 3] };
+            let patch = Patch::new(points, vec![0, 1, 2], vec![cell], 0);
+            let sharpness = patch.sharpness(0);
+            prop_assert!(patch.may_be_sharper(0, f64::from_bits(sharpness.to_bits() - ulps)));
+            prop_assert!(!(1e-70..1e70).contains(&size) || !patch.may_be_sharper(0, sharpness * (1.0 + 1e-9)));
         }
-        self.fill(v, cavity, &rims, NONE, NONE);
-        true
-    }
-
-    /// Cells in whose circle a point lies, from one of them on, and the edges around them; no edges where the cells are too
-    /// many.
-    pub(super) fn cavity(&mut self, v: u32, first: u32) -> (Vec<u32>, Vec<Rim>) {
-        self.marks += 1;
-        self.mark[first as usize] = self.marks;
-        let mut cavity = vec![first];
-        let mut rims: Vec<Rim> = Vec::with_capacity(12);
-        let mut next = 0;
-        while next < cavity.len() {
-            if cavity.len() > MOST_GONE {
-                return (cavity, Vec::new());
-            }
-            let cell = self.cells[cavity[next] as usize];
-            next += 1;
-            for k in 0..3 {
-                let behind = cell.neighbours[k];
-                let is_free = behind != NONE && cell.constraints[k] == NONE;
-                if is_free && self.mark[behind as usize] == self.marks {
-                    continue;
-                }
-                if is_free && self.in_circle(self.cells[behind as usize].corners, v) {
-                    self.mark[behind as usize] = self.marks;
-                    cavity.push(behind);
-                } else {
-                    rims.push(Rim {
-                        ends: [cell.corners[k], cell.corners[(k + 1) % 3]],
-                        behind,
-                        constraint: cell.constraints[k],
-                    });
-                }
-            }
-        }
-        // a cell may join the cavity after an edge to it was taken for rim
-        rims.retain(|rim| rim.behind == NONE || rim.constraint != NONE || self.mark[rim.behind as usize] != self.marks);
-        (cavity, rims)
-    }
-
-    /// Joins a point to the edges around a cavity. Where these leave a gap, constraint `to` leads to the point and `from`
-    /// away from it; returns the cells beside these.
-    pub(super) fn fill(&mut self, v: u32, cavity: Vec<u32>, rims: &[Rim], to: u32, from: u32) -> (u32, u32) {
-        let mut ids = cavity;
-        while ids.len() < rims.len() {
-            ids.push(self.push(DEAD));
-        }
-        let mut ends = (NONE, NONE);
-        for (k, rim) in rims.iter().enumerate() {
-            let [a, b] = rim.ends;
-            let after = rims.iter().position(|other| other.ends[0] == b).map_or(NONE, |i| ids[i]);
-            let before = rims.iter().position(|other| other.ends[1] == a).map_or(NONE, |i| ids[i]);
-            let mut cell = Cell {
-                corners: [a, b, v],
-                neighbours: [rim.behind, after, before],
-                constraints: [rim.constraint, NONE, NONE],
-            };
-            if after == NONE {
-                cell.constraints[1] = to;
-                ends.0 = ids[k];
-                self.set_at(b, ids[k]);
-            }
-            if before == NONE {
-                cell.constraints[2] = from;
-                ends.1 = ids[k];
-            }
-            self.set(ids[k], cell);
-            self.face(rim.behind, b, ids[k]);
-            self.set_at(a, ids[k]);
-        }
-        self.set_at(v, ids[0]);
-        ends
-    }
-
-    /// Removes a point with no constraint at it. False where it can't be; the change at hand must then be rolled back.
-    pub fn remove(&mut self, v: u32) -> bool {
-        let first = self.at[v as usize];
-        let (mut star, mut rims): (Vec<u32>, Vec<Rim>) = (Vec::with_capacity(8), Vec::with_capacity(8));
-        let mut t = first;
-        loop {
-            let cell = self.cells[t as usize];
-            let Some(k) = (0..3).find(|&k| cell.corners[k] == v) else { return false };
-            let rim = (k + 1) % 3;
-            star.push(t);
-            rims.push(Rim {
-                ends: [cell.corners[rim], cell.corners[(rim + 1) % 3]],
-                behind: cell.neighbours[rim],
-                constraint: cell.constraints[rim],
-            });
-            // counter-clockwise: across the edge that ends at v
-            let across = (k + 2) % 3;
-            if cell.constraints[across] != NONE || cell.neighbours[across] == NONE || star.len() > MOST_GONE {
-                return false;
-            }
-            t = cell.neighbours[across];
-            if t == first {
-                break;
-            }
-        }
-        star.iter().for_each(|&t| self.set(t, DEAD));
-        self.set_at(v, NONE);
-        self.clip(star, rims)
-    }
-
-    /// Fills the hole that some edges surround, with cells whose numbers are given.
-    pub(super) fn clip(&mut self, mut ids: Vec<u32>, mut rims: Vec<Rim>) -> bool {
-        while rims.len() > 2 {
-            let count = rims.len();
-            let ear = (0..count).find(|&i| {
-                let (one, two) = (rims[i], rims[(i + 1) % count]);
-                let corners = [one.ends[0], one.ends[1], two.ends[1]];
-                let p = corners.map(|v| self.points[v as usize]);
-                let others = || rims.iter().map(|rim| rim.ends[0]).filter(|v| !corners.contains(v));
-                orient(&p[0], &p[1], &p[2]) > 0.0 && others().all(|d| !self.in_circle(corners, d))
-            });
-            let (Some(i), Some(t)) = (ear, ids.pop()) else { return false };
-            let (one, two) = (rims[i], rims[(i + 1) % count]);
-            let [a, b, c] = [one.ends[0], one.ends[1], two.ends[1]];
-            // of three edges the last is the third side, else the new edge waits for its other cell
-            let third =
-                if count == 3 { rims[(i + 2) % 3] } else { Rim { ends: [c, a], behind: NONE, constraint: NONE } };
-            let cell = Cell {
-                corners: [a, b, c],
-                neighbours: [one.behind, two.behind, third.behind],
-                constraints: [one.constraint, two.constraint, third.constraint],
-            };
-            self.set(t, cell);
-            self.face(one.behind, b, t);
-            self.face(two.behind, c, t);
-            self.face(third.behind, a, t);
-            [a, b, c].into_iter().for_each(|v| self.set_at(v, t));
-            if count == 3 {
-                break;
-            }
-            rims[i] = Rim { ends: [a, c], behind: t, constraint: NONE };
-            rims.remove((i + 1) % count);
-        }
-        true
     }
 }

@@ -9,7 +9,8 @@
 //! Tiles are subtrees of the k-d tree of all candidates, each with its tight box; boxes of one depth meet in their sides
 //! at most. Up to [`TILE`] candidates there is a single tile, and the order is that of [`rank`].
 
-use super::{Free, Rule, conflicting, prepared};
+use super::free::Free;
+use super::{Rule, conflicting, prepared};
 use crate::error::Error;
 use crate::kdtree::KdTree;
 use crate::progress::Progress;

@@ -45,7 +45,7 @@ impl<const D: usize> CoarseSpacing<'_, D> {
                     for first in all.clone().step_by(LEAF) {
                         let range = first..all.end.min(first + LEAF);
                         // most are beaten by the lightest
-                        let beaten = lightest.filter(|_| !level.has_cap(leaf)).map_or(0, |lightest| {
+                        let beaten = lightest.filter(|_| level.cap_in(leaf).is_none()).map_or(0, |lightest| {
                             let (points, g) = (&tree.points()[range.clone()], &self.g[range.clone()]);
                             lanes::bits(points, g, |x, g| level.cone(lightest, x) < enough(factor * g))
                         });

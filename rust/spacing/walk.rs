@@ -3,8 +3,8 @@
 //! Queries go in blocks of neighbours: one walk serves a block, with its box in place of the point, and starts from what
 //! is known already: C g at the query itself, and the site that won at the query before.
 
-use super::CoarseSpacing;
 use super::few::Few;
+use super::{Cap, CoarseSpacing};
 use crate::kdtree::Bounds;
 use crate::lanes;
 use crate::point::{Point, distance};
@@ -59,10 +59,10 @@ impl<const D: usize> Level<'_, '_, D> {
         self.weight(position) + self.spacing.gradation * distance(&self.spacing.tree.points()[position], x)
     }
 
-    /// Whether a site of a node may be held down.
+    /// What holds sites of a node down, if anything.
     #[inline(always)]
-    pub(super) fn has_cap(&self, node: usize) -> bool {
-        self.spacing.cap.as_ref().is_some_and(|cap| cap.least[node] < f64::INFINITY)
+    pub(super) fn cap_in(&self, node: usize) -> Option<&Cap> {
+        self.spacing.cap.as_ref().filter(|cap| cap.least[node] < f64::INFINITY)
     }
 
     /// The least cone of a leaf at x; some sites that follow it may take part.
@@ -73,12 +73,12 @@ impl<const D: usize> Level<'_, '_, D> {
         let (tree, factor, slope) = (&*self.spacing.tree, self.factor, self.spacing.gradation);
         let range = lanes::whole(&range, tree.len());
         let (points, g) = (&tree.points()[range.clone()], &self.spacing.g[range.clone()]);
-        match &self.spacing.cap {
-            Some(cap) if self.has_cap(node) => lanes::least_of(points, [g, &cap.at[range]], |p, [g, cap]| {
+        match self.cap_in(node) {
+            Some(cap) => lanes::least_of(points, [g, &cap.at[range]], |p, [g, cap]| {
                 let grown = factor * g;
                 (if cap < grown { cap } else { grown }) + slope * distance(p, x)
             }),
-            _ => lanes::least_of(points, [g], |p, [g]| factor * g + slope * distance(p, x)),
+            None => lanes::least_of(points, [g], |p, [g]| factor * g + slope * distance(p, x)),
         }
     }
 
@@ -133,16 +133,14 @@ impl<const D: usize> Level<'_, '_, D> {
                 let (bounds, least) = (tree.bounds(node), self.least[node]);
                 // copies of one point: a minimum of rounded sums is the rounded sum with the minimum
                 let lone = bounds.is_location();
-                let mut asked = few.asked(|x, apart_2, best| {
+                let asked = few.asked(|x, apart_2, best| {
                     let near = bounds.distance_2(x);
                     // at no distance there may be a copy of the query
                     let is_apart = (near > 0.0) | (node == lone_home);
                     let near = if is_apart & (near < apart_2) { apart_2 } else { near };
                     over(steep * near, lifted(best), least) <= VANISHING
                 });
-                while asked != 0 {
-                    let k = asked.trailing_zeros() as usize;
-                    asked &= asked - 1;
+                for k in lanes::ones(asked) {
                     let x = few.at(k);
                     let value = if lone {
                         least + slope * bounds.distance_2(x).sqrt()

@@ -1,6 +1,6 @@
 //! Chords of a patch: split at a point, or two of them joined.
 
-use super::patch::{DEAD, MOST_GONE, MOST_STEPS, Patch, Rim};
+use super::{DEAD, MOST_GONE, MOST_STEPS, Patch, Rim};
 use crate::point::{NONE, orient};
 
 /// Cells, and the edges around them.
