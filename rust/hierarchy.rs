@@ -419,8 +419,10 @@ impl Builder<'_> {
         }
         let f = match self.known_at(i) {
             Some(known) => known.f.clone(),
-            None if p > 0 && i == p + self.lag => pool.f.clone(),
-            None => self.spacing_in(i, pool)?,
+            None => match pool.f.iter().find(|(level, _)| *level == i) {
+                Some((_, f)) => f.clone(),
+                None => self.spacing_in(i, pool)?,
+            },
         };
         self.progress.check()?;
         Ok(f)

@@ -16,36 +16,42 @@ pub fn whole(range: &Range<usize>, n: usize) -> Range<usize> {
     start..n.min(start + count)
 }
 
-/// The least of what some points and their values make; infinite where there are none or no numbers.
+/// The least of each of the numbers that some points and their values make; infinite where there are none.
 #[inline(always)]
-pub fn least_of<const D: usize, const K: usize>(
+pub fn least_of<const D: usize, const V: usize, const K: usize>(
     points: &[Point<D>],
-    values: [&[f64]; K],
-    made: impl Fn(&Point<D>, [f64; K]) -> f64,
-) -> f64 {
+    values: [&[f64]; V],
+    made: impl Fn(&Point<D>, [f64; V]) -> [f64; K],
+) -> [f64; K] {
     let (chunks, rest) = points.as_chunks::<LANES>();
-    let mut least = [f64::INFINITY; LANES];
+    let mut least = [[f64::INFINITY; LANES]; K];
     for (c, points) in chunks.iter().enumerate() {
         let values = values.map(|values| &values.as_chunks::<LANES>().0[c]);
         for k in 0..LANES {
-            let value = made(&points[k], values.map(|values| values[k]));
-            least[k] = if value < least[k] { value } else { least[k] };
+            let made = made(&points[k], values.map(|values| values[k]));
+            for (least, value) in least.iter_mut().zip(made) {
+                least[k] = if value < least[k] { value } else { least[k] };
+            }
         }
     }
     let first = points.len() - rest.len();
     for (k, point) in rest.iter().enumerate() {
-        let value = made(point, values.map(|values| values[first + k]));
-        least[k] = if value < least[k] { value } else { least[k] };
-    }
-    let mut width = LANES / 2;
-    while width > 0 {
-        for k in 0..width {
-            let other = least[k + width];
-            least[k] = if other < least[k] { other } else { least[k] };
+        let made = made(point, values.map(|values| values[first + k]));
+        for (least, value) in least.iter_mut().zip(made) {
+            least[k] = if value < least[k] { value } else { least[k] };
         }
-        width /= 2;
     }
-    least[0]
+    least.map(|mut least| {
+        let mut width = LANES / 2;
+        while width > 0 {
+            for k in 0..width {
+                let other = least[k + width];
+                least[k] = if other < least[k] { other } else { least[k] };
+            }
+            width /= 2;
+        }
+        least[0]
+    })
 }
 
 /// The greatest value; minus infinity where there is none.
@@ -104,7 +110,8 @@ mod tests {
             let values: Vec<f64> = (0..n).map(|k| f64::from(k * 11 % 13)).collect();
             let sum = |k: usize| points[k][0] + values[k];
             let all = || (0..points.len()).map(sum);
-            assert_eq!(least_of(&points, [&values], |p, [v]| p[0] + v), all().fold(f64::INFINITY, f64::min));
+            let least = [all().fold(f64::INFINITY, f64::min), all().map(|sum| -sum).fold(f64::INFINITY, f64::min)];
+            assert_eq!(least_of(&points, [&values], |p, [v]| [p[0] + v, -(p[0] + v)]), least);
             assert_eq!(greatest(&values), values.iter().copied().fold(f64::NEG_INFINITY, f64::max));
             let one_by_one = (0..points.len()).fold(0, |bits, k| bits | u32::from(sum(k) > 6.0) << k);
             assert_eq!(bits(&points, &values, |p, v| p[0] + v > 6.0), one_by_one);
@@ -115,7 +122,7 @@ mod tests {
     #[test]
     fn what_is_no_number_is_left_out() {
         let points = [[0.0]; 7];
-        assert_eq!(least_of(&points, [&[f64::NAN; 7]], |_, [v]| v), f64::INFINITY);
+        assert_eq!(least_of(&points, [&[f64::NAN; 7]], |_, [v]| [v]), [f64::INFINITY]);
         assert_eq!(bits(&points, &[f64::NAN; 7], |_, v| v < 1.0), 0);
     }
 }

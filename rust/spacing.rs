@@ -42,7 +42,7 @@ pub fn nearest<const D: usize>(tree: &KdTree<D>, progress: &Progress) -> Result<
 /// NN_P anywhere: the radius of the smallest closed ball about x that holds two points of P at different locations.
 pub fn nearest_at<const D: usize>(tree: &KdTree<D>, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
     let queries = KdTree::new(at);
-    let in_leaf_order = in_blocks(queries.points(), progress, |points, found| {
+    let in_leaf_order = in_blocks(queries.points(), 0.0, progress, |points, found| {
         for (x, value) in points.iter().zip(found) {
             *value = match tree.nearest(x, None).1 {
                 Some(first) => tree.nearest(x, Some(&tree.points()[first])).0.sqrt(),
@@ -110,7 +110,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
 
     /// f at every point of the tree, in leaf order.
     fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
-        let level = self.level(factor);
+        let level = self.level([factor]);
         by_leaves(&self.tree, progress, |leaves, mut found| {
             let mut winner = None;
             for leaf in leaves {
@@ -122,7 +122,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
                 for (((points, apart), best), first) in chunks.zip(best.chunks_mut(LEAF)).zip(first) {
                     let apart = if self.is_nearest { apart } else { &NONE_APART[..points.len()] };
                     let home = Some(Home { leaf, first, has_copies });
-                    level.block(Queries { points, apart, home }, best, &mut winner);
+                    level.block(Queries { points, apart, home }, best.as_chunks_mut().0, &mut winner);
                 }
                 found = rest;
             }
@@ -139,7 +139,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         if self.is_over(at) {
             return self.at_points(factor, progress);
         }
-        Ok(by_index(at, &self.at_sorted(factor, at.points(), progress)?))
+        Ok(by_index(at, self.at_sorted([factor], at.points(), progress)?.as_flattened()))
     }
 
     /// f at any locations; fast when many neighbours are asked for together, in any order.
@@ -147,10 +147,15 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         self.at_tree(factor, &KdTree::new(at), progress)
     }
 
-    /// f at locations that already are in some spatial order.
-    pub(crate) fn at_sorted(&self, factor: f64, at: &[Point<D>], progress: &Progress) -> Result<Vec<f64>, Error> {
-        let level = self.level(factor);
-        in_blocks(at, progress, |points, found| {
+    /// f for some factors, ascending, at locations that already are in some spatial order: one walk finds it for all.
+    pub(crate) fn at_sorted<const K: usize>(
+        &self,
+        factors: [f64; K],
+        at: &[Point<D>],
+        progress: &Progress,
+    ) -> Result<Vec<[f64; K]>, Error> {
+        let level = self.level(factors);
+        in_blocks(at, [0.0; K], progress, |points, found| {
             let mut winner = None;
             for (queries, best) in points.chunks(LEAF / 3).zip(found.chunks_mut(LEAF / 3)) {
                 let apart = &NONE_APART[..queries.len()];
@@ -159,15 +164,16 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         })
     }
 
-    /// For one factor.
-    fn level(&self, factor: f64) -> Level<'_, 'a, D> {
+    /// For some factors.
+    fn level<const K: usize>(&self, factors: [f64; K]) -> Level<'_, 'a, D, K> {
         // rounding is monotone: never over the weight of any point in the node
-        let grown = self.least_g.iter().map(|g| factor * g);
+        let grown = self.least_g.iter().map(|g| factors.map(|factor| factor * g));
+        let under = |grown: [f64; K], cap: f64| grown.map(|grown| if cap < grown { cap } else { grown });
         let least = match &self.cap {
-            Some(cap) => grown.zip(&cap.least).map(|(grown, &cap)| if cap < grown { cap } else { grown }).collect(),
+            Some(cap) => grown.zip(&cap.least).map(|(grown, &cap)| under(grown, cap)).collect(),
             None => grown.collect(),
         };
-        Level { spacing: self, factor, least }
+        Level { spacing: self, factors, least }
     }
 }
 
@@ -197,7 +203,7 @@ fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found:
         let around = tree.bounds(leaf);
         let chunks = tree.points()[own].chunks(LEAF).zip(best.chunks_mut(LEAF));
         for (queries, best) in chunks {
-            let mut few = Few::new(queries);
+            let mut few = Few::<D, 1>::new(queries);
             let limit = Cell::new(f64::INFINITY);
             tree.descend_from(
                 leaf,
@@ -206,15 +212,15 @@ fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found:
                     let bounds = tree.bounds(node);
                     let range = if bounds.is_location() { range.start..range.end.min(range.start + 1) } else { range };
                     let points = &tree.points()[lanes::whole(&range, tree.len())];
-                    for k in lanes::ones(few.asked(|x, _, best| bounds.distance_2(x) < best)) {
+                    for k in lanes::ones(few.asked(|x, _, [best]| bounds.distance_2(x) < best)) {
                         let least = least_apart_2(points, few.at(k));
-                        let best = few.best_mut(k);
+                        let best = few.best_mut(0, k);
                         *best = if least < *best { least } else { *best };
                     }
-                    limit.set(few.greatest());
+                    limit.set(few.greatest()[0]);
                 },
             );
-            best.iter_mut().zip(few.best()).for_each(|(value, best)| *value = best.sqrt());
+            best.iter_mut().zip(few.best(0)).for_each(|(value, best)| *value = best.sqrt());
         }
     }
 }
@@ -222,10 +228,11 @@ fn nearest_in<const D: usize>(tree: &KdTree<D>, leaves: Range<usize>, mut found:
 /// The least squared distance over 0 from x to some points.
 #[inline(always)]
 fn least_apart_2<const D: usize>(points: &[Point<D>], x: &Point<D>) -> f64 {
-    lanes::least_of(points, [], |p, []| {
+    let [least] = lanes::least_of(points, [], |p, []| {
         let d_2 = distance_2(p, x);
-        if d_2 > 0.0 { d_2 } else { f64::INFINITY }
-    })
+        [if d_2 > 0.0 { d_2 } else { f64::INFINITY }]
+    });
+    least
 }
 
 /// Whether two of some points may be at a (rounded) distance of 0; never so where they are sorted and apart.
@@ -262,12 +269,13 @@ fn by_leaves<const D: usize>(
 }
 
 /// Answers spatially sorted queries by blocks in parallel.
-fn in_blocks<const D: usize>(
+fn in_blocks<const D: usize, T: Clone + Send>(
     queries: &[Point<D>],
+    nothing: T,
     progress: &Progress,
-    answer: impl Fn(&[Point<D>], &mut [f64]) + Sync,
-) -> Result<Vec<f64>, Error> {
-    let mut found = vec![0.0; queries.len()];
+    answer: impl Fn(&[Point<D>], &mut [T]) + Sync,
+) -> Result<Vec<T>, Error> {
+    let mut found = vec![nothing; queries.len()];
     queries.par_chunks(GRAIN).zip(found.par_chunks_mut(GRAIN)).try_for_each(|(queries, found)| {
         progress.check()?;
         answer(queries, found);

@@ -16,8 +16,8 @@ pub(crate) struct Pool<'a> {
     pub(crate) candidates: Candidates<'a>,
     /// Candidate of the finest pool, by candidate of this one.
     pub(crate) members: Vec<u32>,
-    /// f at the candidates, of the level that the pool is made for; empty in the finest.
-    pub(crate) f: Vec<f64>,
+    /// f at the candidates, by levels that it is known of.
+    pub(crate) f: Vec<(usize, Vec<f64>)>,
     /// Candidates looked at to make it.
     pub(crate) visits: usize,
 }
@@ -46,17 +46,18 @@ impl Builder<'_> {
         }
     }
 
-    /// f_i at some candidates of a pool, ascending, which is a spatial order.
-    fn spacing_at(&self, i: usize, pool: &Pool<'_>, picked: &[u32]) -> Result<Vec<f64>, Error> {
-        let factor = self.factor(i);
+    /// f of some levels, ascending, at some candidates of the finest pool, ascending, which is a spatial order.
+    fn spacing_at<const K: usize>(&self, levels: [usize; K], picked: &[u32]) -> Result<Vec<[f64; K]>, Error> {
+        let factors = levels.map(|i| self.factor(i));
         match self.spacing {
             Spacing::Function(all) => {
-                let points: Vec<_> = picked.par_iter().map(|&k| pool.candidates.points[k as usize]).collect();
-                self.sites(all, factor).at_sorted(factor, &points, self.progress)
+                let points = &self.pools[0].candidates.points;
+                let points: Vec<_> = picked.par_iter().map(|&k| points[k as usize]).collect();
+                all.at_sorted(factors, &points, self.progress)
             }
             Spacing::Threshold { g, held } => {
-                let members: Vec<u32> = picked.iter().map(|&k| pool.members[k as usize]).collect();
-                Ok(under_threshold(g, held, factor, &members))
+                let all = factors.map(|factor| under_threshold(g, held, factor, picked));
+                Ok((0..picked.len()).map(|k| all.each_ref().map(|f| f[k])).collect())
             }
         }
     }
@@ -80,7 +81,10 @@ impl Builder<'_> {
         while self.pools.len() <= wanted {
             self.progress.check()?;
             let pool = if self.pools.len() == 1 {
-                self.first_pool()?
+                match self.lag {
+                    1 => self.first_pool([2])?,
+                    lag => self.first_pool([lag, lag + 1])?,
+                }
             } else {
                 self.thin_sites(self.pools.len() + self.lag);
                 self.next_pool()?
@@ -107,30 +111,32 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The pool of level 1 + m: the first set, and more where that set is too thin.
-    fn first_pool(&self) -> Result<Pool<'static>, Error> {
-        let (all, facets, level) = (&self.pools[0], self.domain.len(), 1 + self.lag);
+    /// The pool of level 1 + m, the last of `levels` to draw from it: the first set, and more where that set is too thin.
+    fn first_pool<const K: usize>(&self, levels: [usize; K]) -> Result<Pool<'static>, Error> {
+        let (all, facets) = (&self.pools[0], self.domain.len());
         let (tree, n) = (&all.candidates.tree, all.members.len());
         let (beta, finer) = (self.options.rules.beta, self.factor(self.lag));
         let Some(known) = &self.known else { return Err(Error::Internal("the first set is not there".into())) };
         let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
-        let mut f = self.spacing_at(level, all, &picked)?;
-        let is_steep = |&(&k, f): &(&u32, &f64)| f / finer < STEEP * known.f[k as usize];
+        let mut f = self.spacing_at(levels, &picked)?;
+        let is_steep = |&(&k, f): &(&u32, &[f64; K])| f[K - 1] / finer < STEEP * known.f[k as usize];
         let steep: Vec<u32> = picked.iter().zip(&f).skip(facets).filter(is_steep).map(|(&k, _)| k).collect();
         let mut is_out = vec![true; n];
         picked.iter().for_each(|&k| is_out[k as usize] = false);
         let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;
         if !around.is_empty() {
+            let at_around = self.spacing_at(levels, &around)?;
+            let mut both: Vec<(u32, [f64; K])> = picked.into_iter().zip(f).collect();
             let mut scaled = vec![f64::NAN; n];
-            let at_around = self.spacing_at(level, all, &around)?;
-            let values = || picked.iter().zip(&f).chain(around.iter().zip(&at_around));
-            values().for_each(|(&k, &value)| scaled[k as usize] = value / finer);
+            let others = || around.iter().copied().zip(at_around.iter().copied());
+            both.iter().copied().chain(others()).for_each(|(k, f)| scaled[k as usize] = f[K - 1] / finer);
             let more = greedy_in_tiles(tree, &scaled, beta, &around, &known.set, self.progress)?;
-            values().for_each(|(&k, &value)| scaled[k as usize] = value);
-            picked.extend(more);
-            picked.sort_unstable();
-            f = picked.iter().map(|&k| scaled[k as usize]).collect();
+            let mut left = more.iter().peekable();
+            both.extend(others().filter(|(k, _)| left.next_if_eq(&k).is_some()));
+            both.sort_unstable_by_key(|&(k, _)| k);
+            (picked, f) = both.into_iter().unzip();
         }
+        let f = (0..K).map(|k| (levels[k], f.par_iter().map(|f| f[k]).collect())).collect();
         Ok(Pool { f, ..all.subset(&picked, known.set.len() + around.len()) })
     }
 
@@ -138,7 +144,8 @@ impl Builder<'_> {
     fn next_pool(&self) -> Result<Pool<'static>, Error> {
         let last = &self.pools[self.pools.len() - 1];
         let (facets, finer) = (self.domain.len() as u32, self.factor(self.lag));
-        let f = self.spacing_in(self.pools.len() + self.lag, last)?;
+        let level = self.pools.len() + self.lag;
+        let f = self.spacing_in(level, last)?;
         let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
         let order: Vec<u32> = (facets..last.members.len() as u32).collect();
         // ascending, so that the spatial order of the finest pool stays
@@ -146,7 +153,7 @@ impl Builder<'_> {
             greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
         let picked: Vec<u32> = (0..facets).chain(chosen).collect();
         let f = picked.iter().map(|&k| f[k as usize]).collect();
-        Ok(Pool { f, ..last.subset(&picked, order.len()) })
+        Ok(Pool { f: vec![(level, f)], ..last.subset(&picked, order.len()) })
     }
 
     /// Leaves out the sites that win nowhere from level i on, where f is to be found at few candidates.

@@ -28,7 +28,9 @@ impl<const D: usize> CoarseSpacing<'_, D> {
         let far = self.gradation * distance(&whole.lo, &whole.hi) + self.gradation * VANISHING + VANISHING;
         // what a site is beaten by is less than this
         let enough = |weight: f64| weight - CLEARLY * (weight + far);
-        let level = self.level(factor);
+        let level = self.level([factor]);
+        let weight = |p: usize| level.weights(p)[0];
+        let least_cone = |leaf: usize, range, x: &_| level.least_cones(leaf, range, x)[0];
         let leaves: Vec<usize> = tree.leaves(1).collect();
         let sites: Vec<Vec<u32>> = leaves
             .par_chunks(GRAIN / LEAF)
@@ -38,16 +40,16 @@ impl<const D: usize> CoarseSpacing<'_, D> {
                     let all = tree.range(leaf);
                     let is_beaten = |p: usize| {
                         known.is_some_and(|(factor, f)| f[tree.order()[p] as usize] < enough(factor * self.g[p]))
-                            || level.least_cone(leaf, all.clone(), &tree.points()[p]) < enough(level.weight(p))
+                            || least_cone(leaf, all.clone(), &tree.points()[p]) < enough(weight(p))
                     };
                     let has_cap = |p: usize| self.cap.as_ref().is_some_and(|cap| cap.at[p] < f64::INFINITY);
-                    let lightest = all.clone().find(|&p| level.weight(p) == level.least[leaf]);
+                    let lightest = all.clone().find(|&p| level.weights(p) == level.least[leaf]);
                     for first in all.clone().step_by(LEAF) {
                         let range = first..all.end.min(first + LEAF);
                         // most are beaten by the lightest
                         let beaten = lightest.filter(|_| level.cap_in(leaf).is_none()).map_or(0, |lightest| {
                             let (points, g) = (&tree.points()[range.clone()], &self.g[range.clone()]);
-                            lanes::bits(points, g, |x, g| level.cone(lightest, x) < enough(factor * g))
+                            lanes::bits(points, g, |x, g| level.cones(lightest, x)[0] < enough(factor * g))
                         });
                         let left = |p: &usize| beaten >> (p - first) & 1 == 0 && (has_cap(*p) || !is_beaten(*p));
                         sites.extend(range.filter(left).map(|p| p as u32));

@@ -15,11 +15,11 @@ use std::slice;
 /// Queries walk down the tree together while their box is at most so many times as wide as g at the site that won last.
 const WIDTHS_TOGETHER: f64 = 32.0;
 
-/// A spacing with its factor, and the least weight of every node.
-pub(super) struct Level<'s, 'a, const D: usize> {
+/// A spacing with factors, ascending, and the least weights of every node.
+pub(super) struct Level<'s, 'a, const D: usize, const K: usize> {
     pub(super) spacing: &'s CoarseSpacing<'a, D>,
-    pub(super) factor: f64,
-    pub(super) least: Vec<f64>,
+    pub(super) factors: [f64; K],
+    pub(super) least: Vec<[f64; K]>,
 }
 
 /// The site that won last.
@@ -44,19 +44,20 @@ pub(super) struct Home {
     pub(super) has_copies: bool,
 }
 
-impl<const D: usize> Level<'_, '_, D> {
+impl<const D: usize, const K: usize> Level<'_, '_, D, K> {
     #[inline(always)]
-    pub(super) fn weight(&self, position: usize) -> f64 {
-        let grown = self.factor * self.spacing.g[position];
-        match &self.spacing.cap {
-            Some(cap) if cap.at[position] < grown => cap.at[position],
-            _ => grown,
-        }
+    pub(super) fn weights(&self, position: usize) -> [f64; K] {
+        let (g, cap) = (self.spacing.g[position], self.spacing.cap.as_ref().map(|cap| cap.at[position]));
+        self.factors.map(|factor| {
+            let grown = factor * g;
+            cap.filter(|&cap| cap < grown).unwrap_or(grown)
+        })
     }
 
     #[inline(always)]
-    pub(super) fn cone(&self, position: usize, x: &Point<D>) -> f64 {
-        self.weight(position) + self.spacing.gradation * distance(&self.spacing.tree.points()[position], x)
+    pub(super) fn cones(&self, position: usize, x: &Point<D>) -> [f64; K] {
+        let way = self.spacing.gradation * distance(&self.spacing.tree.points()[position], x);
+        self.weights(position).map(|weight| weight + way)
     }
 
     /// What holds sites of a node down, if anything.
@@ -65,25 +66,31 @@ impl<const D: usize> Level<'_, '_, D> {
         self.spacing.cap.as_ref().filter(|cap| cap.least[node] < f64::INFINITY)
     }
 
-    /// The least cone of a leaf at x; some sites that follow it may take part.
+    /// The least cones of a leaf at x; some sites that follow it may take part.
     ///
     /// Written for vector units: whole lanes without a branch, then their minimum.
     #[inline(always)]
-    pub(super) fn least_cone(&self, node: usize, range: Range<usize>, x: &Point<D>) -> f64 {
-        let (tree, factor, slope) = (&*self.spacing.tree, self.factor, self.spacing.gradation);
+    pub(super) fn least_cones(&self, node: usize, range: Range<usize>, x: &Point<D>) -> [f64; K] {
+        let (tree, factors, slope) = (&*self.spacing.tree, self.factors, self.spacing.gradation);
         let range = lanes::whole(&range, tree.len());
         let (points, g) = (&tree.points()[range.clone()], &self.spacing.g[range.clone()]);
         match self.cap_in(node) {
             Some(cap) => lanes::least_of(points, [g, &cap.at[range]], |p, [g, cap]| {
-                let grown = factor * g;
-                (if cap < grown { cap } else { grown }) + slope * distance(p, x)
+                let way = slope * distance(p, x);
+                factors.map(|factor| {
+                    let grown = factor * g;
+                    (if cap < grown { cap } else { grown }) + way
+                })
             }),
-            None => lanes::least_of(points, [g], |p, [g]| factor * g + slope * distance(p, x)),
+            None => lanes::least_of(points, [g], |p, [g]| {
+                let way = slope * distance(p, x);
+                factors.map(|factor| factor * g + way)
+            }),
         }
     }
 
     /// f at a few neighbours.
-    pub(super) fn block(&self, queries: Queries<'_, D>, best: &mut [f64], winner: &mut Winner) {
+    pub(super) fn block(&self, queries: Queries<'_, D>, best: &mut [[f64; K]], winner: &mut Winner) {
         let Queries { points, apart, home } = queries;
         let around = Bounds::of(points);
         let start = |around: &Bounds<D>| home.map_or_else(|| self.spacing.tree.leaf_near(around), |home| home.leaf);
@@ -109,28 +116,34 @@ impl<const D: usize> Level<'_, '_, D> {
         start: usize,
         Queries { points, apart, home }: Queries<'_, D>,
         around: &Bounds<D>,
-        best: &mut [f64],
+        best: &mut [[f64; K]],
         winner: &mut Winner,
     ) {
         let (tree, slope) = (&*self.spacing.tree, self.spacing.gradation);
         let mut few = Few::new(points);
         for (k, x) in points.iter().enumerate() {
-            let own = home.map_or(f64::INFINITY, |home| self.weight(home.first + k));
-            let known = winner.map_or(f64::INFINITY, |p| self.cone(p, x));
-            *few.best_mut(k) = if known < own { known } else { own };
+            let own = home.map_or([f64::INFINITY; K], |home| self.weights(home.first + k));
+            let known = winner.map_or([f64::INFINITY; K], |p| self.cones(p, x));
+            for kind in 0..K {
+                *few.best_mut(kind, k) = if known[kind] < own[kind] { known[kind] } else { own[kind] };
+            }
             few.set_apart(k, apart[k]);
         }
         // what is known of the leaf of the queries holds for it too
         let lone_home = home.filter(|home| !home.has_copies).map_or(0, |home| home.leaf);
         let steep = slope * slope;
-        let limit = Cell::new(lifted(few.greatest()));
+        let limit = Cell::new(few.greatest().map(lifted));
+        // in none of the kinds may a node be passed over
+        let is_in = |way_2: f64, limits: [f64; K], least: &[f64; K]| {
+            (0..K).fold(false, |is_in, kind| is_in | (over(way_2, limits[kind], least[kind]) <= VANISHING))
+        };
         // the leaf that won last, and the query there: which of its sites it was is asked once, at the end
         let mut last = None;
         tree.descend_from(
             start,
-            |node| over(steep * tree.bounds(node).gap_2(around), limit.get(), self.least[node]) <= VANISHING,
+            |node| is_in(steep * tree.bounds(node).gap_2(around), limit.get(), &self.least[node]),
             |node, range| {
-                let (bounds, least) = (tree.bounds(node), self.least[node]);
+                let (bounds, least) = (tree.bounds(node), &self.least[node]);
                 // copies of one point: a minimum of rounded sums is the rounded sum with the minimum
                 let lone = bounds.is_location();
                 let asked = few.asked(|x, apart_2, best| {
@@ -138,29 +151,35 @@ impl<const D: usize> Level<'_, '_, D> {
                     // at no distance there may be a copy of the query
                     let is_apart = (near > 0.0) | (node == lone_home);
                     let near = if is_apart & (near < apart_2) { apart_2 } else { near };
-                    over(steep * near, lifted(best), least) <= VANISHING
+                    is_in(steep * near, best.map(lifted), least)
                 });
                 for k in lanes::ones(asked) {
                     let x = few.at(k);
-                    let value = if lone {
-                        least + slope * bounds.distance_2(x).sqrt()
+                    let values = if lone {
+                        let way = slope * bounds.distance_2(x).sqrt();
+                        least.map(|least| least + way)
                     } else {
-                        self.least_cone(node, range.clone(), x)
+                        self.least_cones(node, range.clone(), x)
                     };
-                    let best = few.best_mut(k);
-                    if value < *best {
-                        *best = value;
-                        last = Some((node, k));
+                    for (kind, value) in values.into_iter().enumerate() {
+                        let best = few.best_mut(kind, k);
+                        if value < *best {
+                            *best = value;
+                            last = Some((node, k, kind));
+                        }
                     }
                 }
-                limit.set(lifted(few.greatest()));
+                limit.set(few.greatest().map(lifted));
             },
         );
-        best.copy_from_slice(few.best());
-        if let Some((node, k)) = last {
+        for kind in 0..K {
+            best.iter_mut().zip(few.best(kind)).for_each(|(all, &own)| all[kind] = own);
+        }
+        if let Some((node, k, kind)) = last {
             let range = tree.range(node);
             let (first, looked_at) = (range.start, if tree.bounds(node).is_location() { 1 } else { range.len() });
-            *winner = range.take(looked_at).find(|&p| self.cone(p, &points[k]) == best[k]).or(Some(first));
+            let has_won = |&p: &usize| self.cones(p, &points[k])[kind] == best[k][kind];
+            *winner = range.take(looked_at).find(has_won).or(Some(first));
         } else if let Some(home) = home {
             *winner = Some(home.first + points.len() - 1);
         }
