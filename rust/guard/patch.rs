@@ -20,8 +20,8 @@ const MOST_GONE: usize = 24;
 /// Room for the rounding of a squared cosine, relative.
 const ROOM: f64 = 1e-12;
 
-/// Squares of lengths whose product may vanish are less than this.
-const VANISHING: f64 = 1e-150;
+/// Products of squares under this may have lost digits to underflow.
+const VANISHING: f64 = 1e-290;
 
 const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
 
@@ -232,8 +232,10 @@ impl Patch {
         (0..3).any(|k| {
             let j = (k + 2) % 3;
             let scalar = -(edges[k][0] * edges[j][0] + edges[k][1] * edges[j][1]);
-            // what is no number, or vanishes in floats, is left to the roots
-            !(scalar < 0.0 || scalar * scalar < least * (square[k] * square[j])) || square[k] < VANISHING
+            let product = square[k] * square[j];
+            // what is no number, vanishes or overflows in floats is left to the roots
+            let is_plain = (VANISHING..f64::INFINITY).contains(&product);
+            !(is_plain && (scalar < 0.0 || scalar * scalar < least * product))
         })
     }
 
@@ -382,19 +384,31 @@ mod tests {
     use super::{Cell, NONE, Patch};
     use proptest::prelude::*;
 
+    /// A cell alone, two of its edges given by length and turn.
+    fn lone(size: f64, turn: f64, angle: f64, ratio: f64) -> Patch {
+        let place = |length: f64, turn: f64| [size * length * turn.cos(), size * length * turn.sin()];
+        let points = vec![[0.0; 2], place(1.0, turn), place(ratio, turn + angle)];
+        let cell = Cell { corners: [0, 1, 2], neighbours: [NONE; 3], constraints: [NONE; 3] };
+        Patch::new(points, vec![0, 1, 2], vec![cell], 0)
+    }
+
+    #[test]
+    fn no_cell_is_passed_over_where_products_of_squares_overflow() {
+        let patch = lone(1e77, 0.0, 1.94, 0.66);
+        assert!(patch.may_be_sharper(0, patch.sharpness(0).next_down()));
+    }
+
     proptest! {
         #[test]
         fn no_cell_over_a_bound_is_passed_over(
-            turn in 0.0..7.0f64, angle in 1e-4..3.1f64, ratio in 1e-3..1.0f64, size in -170..150, ulps in 1..40u64,
+            turn in 0.0..7.0f64, angle in 1e-4..3.1f64, ratio in 1.0..10.0f64, orders in -12..0, size in -170..150,
+            ulps in 1..40u64,
         ) {
             let size = 10f64.powi(size);
-            let place = |length: f64, turn: f64| [size * length * turn.cos(), size * length * turn.sin()];
-            let points = vec![[0.0; 2], place(1.0, turn), place(ratio, turn + angle)];
-            let cell = Cell { corners: [0, 1, 2], neighbours: [NONE; 3], constraints: [NONE; 3] };
-            let patch = Patch::new(points, vec![0, 1, 2], vec![cell], 0);
+            let patch = lone(size, turn, angle, 10f64.powi(orders) * ratio);
             let sharpness = patch.sharpness(0);
             prop_assert!(patch.may_be_sharper(0, f64::from_bits(sharpness.to_bits() - ulps)));
-            prop_assert!(!(1e-70..1e70).contains(&size) || !patch.may_be_sharper(0, sharpness * (1.0 + 1e-9)));
+            prop_assert!(!(1e-60..1e60).contains(&size) || !patch.may_be_sharper(0, sharpness * (1.0 + 1e-9)));
         }
     }
 }
