@@ -357,18 +357,14 @@ fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
     let mut on_facet = vec![false; points.len()];
     domain.nodes().iter().for_each(|&node| on_facet[node as usize] = true);
     let mut nodes: Vec<u32> = (0..facets as u32).map(|v| domain.copies(v)[0]).collect();
-    nodes.extend((0..points.len() as u32).filter(|&i| !on_facet[i as usize]));
+    nodes.par_extend((0..points.len() as u32).into_par_iter().filter(|&i| !on_facet[i as usize]));
     let mut place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
-    let tree = KdTree::new(&place);
-    let is_interior = |k: &u32| *k as usize >= facets;
-    let interior = tree.order().par_iter().filter(|&k| is_interior(k));
-    let sorted: Vec<u32> = interior.map(|&k| nodes[k as usize]).collect();
-    nodes.truncate(facets);
-    nodes.par_extend(sorted);
-    let in_order = tree.order().iter().zip(tree.points()).filter(|&(k, _)| is_interior(k)).map(|(_, point)| *point);
-    place[facets..].iter_mut().zip(in_order).for_each(|(place, point)| *place = point);
-    let tree = Cow::Owned(tree.numbered_from(facets as u32));
-    Candidates { tree, points: Cow::Owned(place), nodes: Cow::Owned(nodes) }
+    let (tree, were) = KdTree::new(&place).numbered_from(facets as u32);
+    let own = tree.positions().par_iter().map(|&p| tree.points()[p as usize]);
+    place.par_iter_mut().zip(own).for_each(|(place, own)| *place = own);
+    let before = |k: usize| k.checked_sub(facets).map_or(k, |k| were[k] as usize);
+    let nodes = (0..nodes.len()).into_par_iter().map(|k| nodes[before(k)]).collect();
+    Candidates { tree: Cow::Owned(tree), points: Cow::Owned(place), nodes: Cow::Owned(nodes) }
 }
 
 /// A given spacing at the candidates, the least of a vertex's copies.
@@ -418,7 +414,7 @@ impl Builder<'_> {
             self.at_hand = p;
         }
         let f = match self.known_at(i) {
-            Some(known) => known.f.clone(),
+            Some(known) => known.f.par_iter().copied().collect(),
             None => match pool.f.iter().find(|(level, _)| *level == i) {
                 Some((_, f)) => f.clone(),
                 None => self.spacing_in(i, pool)?,

@@ -190,12 +190,31 @@ impl<const D: usize> KdTree<D> {
         &self.order
     }
 
-    /// The same tree, the points of index `first` and greater numbered from there on in leaf order.
-    pub fn numbered_from(mut self, first: u32) -> Self {
-        let moved = self.order.iter_mut().filter(|index| **index >= first);
-        moved.zip(first..).for_each(|(index, number)| *index = number);
-        self.positions = OnceLock::new();
-        self
+    /// The same tree, the points of index `first` and greater numbered from there on in leaf order; also what their
+    /// indices were.
+    pub fn numbered_from(mut self, first: u32) -> (Self, Vec<u32>) {
+        let n = self.len();
+        let stays = |p: &usize| self.order[*p] < first;
+        let fixed: Vec<usize> = (0..n).into_par_iter().filter(stays).collect();
+        let mut positions = vec![0; n];
+        fixed.iter().for_each(|&p| positions[self.order[p] as usize] = p as u32);
+        // how many of the others come before each
+        let before: Vec<usize> = fixed.iter().zip(0..).map(|(p, k)| p - k).collect();
+        let mut were = vec![0; n - fixed.len()];
+        let places = positions[fixed.len()..].par_chunks_mut(GRAIN);
+        were.par_chunks_mut(GRAIN).zip(places).enumerate().for_each(|(chunk, (were, places))| {
+            let skipped = before.partition_point(|&before| before <= chunk * GRAIN);
+            let others = (chunk * GRAIN + skipped..n).filter(|&p| self.order[p] >= first);
+            for ((was, place), p) in were.iter_mut().zip(places).zip(others) {
+                (*was, *place) = (self.order[p], p as u32);
+            }
+        });
+        self.order.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, order)| {
+            let start = chunk * GRAIN - fixed.partition_point(|&p| p < chunk * GRAIN);
+            let others = order.iter_mut().filter(|index| **index >= first);
+            others.zip(first + start as u32..).for_each(|(index, number)| *index = number);
+        });
+        (KdTree { positions: positions.into(), ..self }, were)
     }
 
     /// Original index → leaf position; made when first asked for.

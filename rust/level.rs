@@ -153,15 +153,18 @@ pub(crate) fn select_interior(
 ) -> Result<(Vec<u32>, Vec<Place>), Error> {
     let facets = domain.len();
     let places = near_facets(domain, candidates, f, chords, rules.delta);
-    let mut is_seed = vec![false; candidates.nodes.len() - facets];
-    seeds.candidates.iter().for_each(|&k| is_seed[k as usize - facets] = true);
+    let is_inside = |k: u32| k as usize >= facets && places[k as usize - facets] == Place::Inside;
     let mut keep: Vec<u32> = (0..facets as u32).filter(|&v| kept[v as usize]).collect();
     keep.extend(seeds.candidates);
-    let free = |k: &usize| places[*k] == Place::Inside && !is_seed[*k];
-    let order: Vec<u32> = (0..is_seed.len()).into_par_iter().filter(free).map(|k| (k + facets) as u32).collect();
     let chosen = match seeds.known {
-        Some(known) => greedy_after(&candidates.tree, f, rules.beta, &order, &keep, known, progress)?,
-        None => greedy_in_tiles(&candidates.tree, f, rules.beta, &order, &keep, progress)?,
+        Some(known) => greedy_after(&candidates.tree, f, rules.beta, is_inside, &keep, known, progress)?,
+        None => {
+            let mut is_seed = vec![false; candidates.nodes.len()];
+            seeds.candidates.iter().for_each(|&k| is_seed[k as usize] = true);
+            let is_asked = |&k: &u32| is_inside(k) && !is_seed[k as usize];
+            let order: Vec<u32> = (facets as u32..is_seed.len() as u32).into_par_iter().filter(is_asked).collect();
+            greedy_in_tiles(&candidates.tree, f, rules.beta, &order, &keep, progress)?
+        }
     };
     let mut interior = seeds.nodes.to_vec();
     interior.extend(chosen.iter().map(|&k| candidates.nodes[k as usize]));

@@ -39,22 +39,24 @@ const MEMBER: u8 = 2;
 const STAYS: u8 = 4;
 const LOWERED: u8 = 8;
 
-/// A maximal independent set among `order` (ascending) after all of `keep`, which takes the members of a known set
-/// first: [`greedy_in_tiles`] of what is in `order` and in the set, then of the others. `f` is nowhere greater than that of the
-/// known set, which was made among all of `order` and maybe others.
+/// A maximal independent set among the points that are asked after all of `keep`, which takes the members of a known set
+/// first: [`greedy_in_tiles`] of what is asked and in the set, then of the others. `f` is nowhere greater than that of the
+/// known set, which was made among all that is asked and maybe others.
 ///
 /// Runtime: O(n), and that of [`greedy_in_tiles`] for what lies near lost members and where f is smaller.
 pub fn greedy_after<const D: usize>(
     tree: &KdTree<D>,
     f: &[f64],
     beta: f64,
-    order: &[u32],
+    is_asked: impl Fn(u32) -> bool + Sync,
     keep: &[u32],
     known: &Known,
     progress: &Progress,
 ) -> Result<Vec<u32>, Error> {
-    let mut state: Vec<u8> = f.par_iter().zip(&known.f).map(|(f, known)| if f < known { LOWERED } else { 0 }).collect();
-    order.iter().for_each(|&i| state[i as usize] |= ASKED);
+    let begin = |(i, (f, known)): (usize, (&f64, &f64))| {
+        (if f < known { LOWERED } else { 0 }) | if is_asked(i as u32) { ASKED } else { 0 }
+    };
+    let mut state: Vec<u8> = f.par_iter().zip(&known.f).enumerate().map(begin).collect();
     known.set.iter().for_each(|&i| state[i as usize] |= MEMBER);
     keep.iter().for_each(|&i| state[i as usize] = state[i as usize] & !ASKED | STAYS);
     let is = |i: u32, bits: u8| state[i as usize] & bits == bits;
@@ -71,7 +73,7 @@ pub fn greedy_after<const D: usize>(
     changed.extend(blocked);
     let is_other = |i: u32| is(i, ASKED) && !is(i, MEMBER);
     let mut asked = conflicting(tree, &known.f, beta, &changed, is_other, progress)?;
-    asked.extend(order.iter().filter(|&&i| is_other(i) && is(i, LOWERED)));
+    asked.par_extend((0..f.len() as u32).into_par_iter().filter(|&i| is(i, LOWERED) && is_other(i)));
     asked.sort_unstable();
     asked.dedup();
     if asked.is_empty() {

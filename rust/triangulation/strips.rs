@@ -235,10 +235,12 @@ fn concatenated(parts: &[Part], firsts: &[u32], room: usize) -> Vec<Cell> {
 
 /// Whether cells triangulate the hull of all points, by Euler's formula, and have all constraints.
 fn is_whole(cells: &[Cell], points: usize, constraints: usize) -> bool {
-    let on_hull = cells.par_iter().flat_map_iter(|cell| cell.neighbours).filter(|&next| next == NONE).count();
-    let codes: Vec<u32> =
-        cells.par_iter().flat_map_iter(|cell| cell.constraints).filter(|&code| code != NONE).collect();
-    let mut is_there = vec![false; constraints];
-    codes.iter().for_each(|&code| is_there[code as usize / 2] = true);
+    let (mut on_hull, mut is_there) = (0, vec![false; constraints]);
+    let is_edge =
+        |&&Cell { neighbours, constraints, .. }: &&Cell| neighbours.contains(&NONE) || constraints != [NONE; 3];
+    for cell in cells.par_iter().filter(is_edge).collect::<Vec<_>>() {
+        on_hull += cell.neighbours.iter().filter(|&&next| next == NONE).count();
+        cell.constraints.iter().filter(|&&code| code != NONE).for_each(|&code| is_there[code as usize / 2] = true);
+    }
     cells.len() + on_hull + 2 == 2 * points && is_there.iter().all(|&is_there| is_there)
 }
