@@ -126,15 +126,13 @@ impl Builder<'_> {
         let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;
         if !around.is_empty() {
             let at_around = self.spacing_at(levels, &around)?;
-            let mut both: Vec<(u32, [f64; K])> = picked.into_iter().zip(f).collect();
             let mut scaled = vec![f64::NAN; n];
-            let others = || around.iter().copied().zip(at_around.iter().copied());
-            both.iter().copied().chain(others()).for_each(|(k, f)| scaled[k as usize] = f[K - 1] / finer);
+            let values = picked.iter().zip(&f).chain(around.iter().zip(&at_around));
+            values.for_each(|(&k, f)| scaled[k as usize] = f[K - 1] / finer);
             let more = greedy_in_tiles(tree, &scaled, beta, &around, &known.set, self.progress)?;
             let mut left = more.iter().peekable();
-            both.extend(others().filter(|(k, _)| left.next_if_eq(&k).is_some()));
-            both.sort_unstable_by_key(|&(k, _)| k);
-            (picked, f) = both.into_iter().unzip();
+            let joined = around.iter().zip(&at_around).filter(|(k, _)| left.next_if_eq(k).is_some());
+            (picked, f) = merged(picked.iter().zip(&f), joined);
         }
         let f = (0..K).map(|k| (levels[k], f.par_iter().map(|f| f[k]).collect())).collect();
         Ok(Pool { f, ..all.subset(&picked, known.set.len() + around.len()) })
@@ -170,6 +168,20 @@ impl Builder<'_> {
         };
         self.thin = Some((factor, thin));
     }
+}
+
+/// Two lists of candidates with what is known of them, both ascending, as one.
+fn merged<'a, T: Copy + 'a>(
+    one: impl Iterator<Item = (&'a u32, &'a T)>,
+    other: impl Iterator<Item = (&'a u32, &'a T)>,
+) -> (Vec<u32>, Vec<T>) {
+    let (mut one, mut other) = (one.peekable(), other.peekable());
+    let next = || match (one.peek(), other.peek()) {
+        (Some((k, _)), Some((j, _))) if j < k => other.next(),
+        (None, _) => other.next(),
+        _ => one.next(),
+    };
+    std::iter::from_fn(next).map(|(&k, &value)| (k, value)).unzip()
 }
 
 /// The threshold at some candidates of the finest pool, held under the gaps of the domain.
