@@ -81,7 +81,8 @@ pub fn greedy_after<const D: usize>(
     }
     let stay: Vec<u32> = keep.iter().chain(&chosen).copied().collect();
     chosen.extend(greedy_in_tiles(tree, f, beta, &asked, &stay, progress)?);
-    chosen.sort_unstable();
+    // two runs: a stable sort merges them
+    chosen.sort();
     Ok(chosen)
 }
 

@@ -2,10 +2,11 @@
 
 mod clouds;
 
-use _core::kdtree::{KdTree, LEAF};
+use _core::kdtree::{Bounds, KdTree, LEAF};
 use _core::point::{Point, distance, distance_2};
 use clouds::{cloud, extent};
 use proptest::prelude::*;
+use std::cmp::Ordering;
 
 fn nodes_are_sound<const D: usize>(points: &[Point<D>]) -> Result<(), TestCaseError> {
     let tree = KdTree::new(points);
@@ -34,6 +35,40 @@ fn nodes_are_sound<const D: usize>(points: &[Point<D>]) -> Result<(), TestCaseEr
             }
         }
     }
+    Ok(())
+}
+
+/// The order of the leaves as the module tells it, every node sorted whole.
+fn order_by_sorting<const D: usize>(points: &[Point<D>], items: &mut [u32], [node, first_leaf]: [usize; 2]) {
+    let place = |i: u32, axis: usize| points[i as usize][axis];
+    if node >= first_leaf {
+        let by_axes = |&a: &u32, &b: &u32| {
+            let axes = (0..D).map(|axis| place(a, axis).total_cmp(&place(b, axis)));
+            axes.fold(Ordering::Equal, Ordering::then).then(a.cmp(&b))
+        };
+        items.sort_by(by_axes);
+        return;
+    }
+    let axis = Bounds::of(items.iter().map(|&i| &points[i as usize])).widest();
+    items.sort_by(|&a, &b| place(a, axis).total_cmp(&place(b, axis)).then(a.cmp(&b)));
+    let start = |node: usize| {
+        let first = 1 << node.ilog2();
+        (node - first) * points.len() / first
+    };
+    let (left, right) = items.split_at_mut(start(2 * node + 1) - start(2 * node));
+    order_by_sorting(points, left, [2 * node, first_leaf]);
+    order_by_sorting(points, right, [2 * node + 1, first_leaf]);
+}
+
+fn order_is_that_of_sorting<const D: usize>(points: &[Point<D>]) -> Result<(), TestCaseError> {
+    let mut first_leaf = 1;
+    while points.len().div_ceil(first_leaf) > LEAF {
+        first_leaf *= 2;
+    }
+    let mut expected: Vec<u32> = (0..points.len() as u32).collect();
+    order_by_sorting(points, &mut expected, [1, first_leaf]);
+    let tree = KdTree::new(points);
+    prop_assert_eq!(tree.order(), &expected);
     Ok(())
 }
 
@@ -74,6 +109,30 @@ proptest! {
 
     #[test]
     fn every_node_of_space_bounds_its_points(points in cloud::<3>(90)) { nodes_are_sound(&points)?; }
+
+    #[test]
+    fn leaves_of_a_line_are_in_order(points in cloud::<1>(900)) { order_is_that_of_sorting(&points)?; }
+
+    #[test]
+    fn leaves_of_a_plane_are_in_order(points in cloud::<2>(900)) { order_is_that_of_sorting(&points)?; }
+
+    #[test]
+    fn leaves_of_space_are_in_order(points in cloud::<3>(900)) { order_is_that_of_sorting(&points)?; }
+
+    #[test]
+    fn leaves_are_in_order_where_coordinates_repeat_or_differ_by_little(
+        steps in prop::collection::vec([0..40u64, 0..40u64], 1..900), exponent in -300..300, low in 0..60, signs: u8,
+    ) {
+        // lattices in the last digits of coordinates, large, small and about zero
+        let size = 10f64.powi(exponent);
+        let start = if low < 50 { size.to_bits() >> low << low } else { 0 };
+        let at = |step: u64, bit: u8| {
+            let x = if low % 2 == 0 { f64::from_bits(start + step) } else { size * step as f64 };
+            if u64::from(signs >> bit) & step & 1 == 1 { -x } else { x }
+        };
+        let points: Vec<Point<2>> = steps.iter().map(|[x, y]| [at(*x, 0), at(*y, 1)]).collect();
+        order_is_that_of_sorting(&points)?;
+    }
 
     #[test]
     fn searches_on_a_line_find_what_brute_force_finds(points in cloud::<1>(120), pick: usize, t in 0.0..1.0f64) {
