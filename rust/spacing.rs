@@ -13,7 +13,7 @@ mod thin;
 mod walk;
 
 use crate::error::Error;
-use crate::kdtree::{GRAIN, KdTree, LEAF};
+use crate::kdtree::{KdTree, LEAF};
 use crate::lanes;
 use crate::point::{Point, distance_2};
 use crate::progress::Progress;
@@ -26,6 +26,9 @@ use walk::{Home, Level, Queries};
 
 /// What is known of the distance to other sites where nothing is.
 const NONE_APART: [f64; LEAF] = [0.0; LEAF];
+
+/// Queries that one thread answers in one go.
+const ASKED_AT_ONCE: usize = 1024;
 
 /// Squares of anything as great do not vanish.
 const SQUARABLE: f64 = 1e-150;
@@ -253,7 +256,7 @@ fn by_leaves<const D: usize>(
     let mut found = vec![0.0; tree.len()];
     let mut rest = &mut found[..];
     let mut parts = Vec::new();
-    for part in tree.parts(GRAIN) {
+    for part in tree.parts(ASKED_AT_ONCE) {
         let (own, others) = rest.split_at_mut(tree.range(part).len());
         parts.push((part, own));
         rest = others;
@@ -276,7 +279,7 @@ fn in_blocks<const D: usize, T: Clone + Send>(
     answer: impl Fn(&[Point<D>], &mut [T]) + Sync,
 ) -> Result<Vec<T>, Error> {
     let mut found = vec![nothing; queries.len()];
-    queries.par_chunks(GRAIN).zip(found.par_chunks_mut(GRAIN)).try_for_each(|(queries, found)| {
+    queries.par_chunks(ASKED_AT_ONCE).zip(found.par_chunks_mut(ASKED_AT_ONCE)).try_for_each(|(queries, found)| {
         progress.check()?;
         answer(queries, found);
         progress.advance(queries.len() as u64);
