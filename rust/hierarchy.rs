@@ -21,6 +21,7 @@ use crate::kdtree::KdTree;
 use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
+use crate::scatter::scattered;
 use crate::selection::Known;
 use crate::spacing::{CoarseSpacing, nearest};
 pub(crate) use pools::Pool;
@@ -408,9 +409,8 @@ impl Builder<'_> {
         let pool = &self.pools[p];
         self.progress.enter(2, pool.candidates.nodes.len() as u64)?;
         if self.at_hand != p {
-            for (k, &node) in pool.candidates.nodes.iter().enumerate() {
-                self.candidate_of[node as usize] = k as u32;
-            }
+            let places = pool.candidates.nodes.par_iter().enumerate().map(|(k, &node)| (node as usize, k as u32));
+            self.candidate_of = scattered(std::mem::take(&mut self.candidate_of), places);
             self.at_hand = p;
         }
         let f = match self.known_at(i) {

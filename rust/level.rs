@@ -89,13 +89,13 @@ pub fn select(
     candidates: &Candidates<'_>,
     f: &mut [f64],
     (seeds, known): (&Choice, Option<&Known>),
-    candidate_of: impl Fn(u32) -> u32,
+    candidate_of: impl Fn(u32) -> u32 + Sync,
     rules: Rules,
     progress: &Progress,
 ) -> Result<(Choice, Vec<Place>), Error> {
     let facets = domain.len();
-    let seeded: Vec<u32> = seeds.interior.iter().map(|&node| candidate_of(node)).collect();
-    let obstacles: Vec<Point<2>> = seeded.iter().map(|&k| candidates.points[k as usize]).collect();
+    let seeded: Vec<u32> = seeds.interior.par_iter().map(|&node| candidate_of(node)).collect();
+    let obstacles: Vec<Point<2>> = seeded.par_iter().map(|&k| candidates.points[k as usize]).collect();
     let mut kept: Vec<bool> =
         (0..facets).map(|v| domain.corner[v] || seeds.kept.get(v).copied().unwrap_or(false)).collect();
     let mut held = seeds.held.clone();
@@ -414,15 +414,17 @@ pub fn assemble(domain: &Domain, choice: &Choice, level: &Triangulated) -> Resul
     let index_of = |node: u32| nodes.binary_search(&node).map_or(NONE, |i| i as u32);
     let mut out = LevelMesh { cell_tags: tags(domain, &choice.chords, cells), ..LevelMesh::default() };
     out.cells = cells.par_iter().map(|cell| cell.corners.map(|s| single[s as usize])).collect();
-    for (t, (corners, cell)) in out.cells.iter_mut().zip(cells).enumerate() {
-        for k in (0..3).filter(|&k| single[cell.corners[k] as usize] == NONE) {
-            let node = copy_at(domain, &choice.chords, cells, t as u32, cell.corners[k])?;
-            corners[k] = *shared.entry(node).or_insert_with(|| index_of(node));
+    let is_open = |&t: &usize| out.cells[t].contains(&NONE);
+    for t in (0..cells.len()).into_par_iter().filter(is_open).collect::<Vec<_>>() {
+        for k in (0..3).filter(|&k| single[cells[t].corners[k] as usize] == NONE) {
+            let node = copy_at(domain, &choice.chords, cells, t as u32, cells[t].corners[k])?;
+            out.cells[t][k] = *shared.entry(node).or_insert_with(|| index_of(node));
         }
     }
     let mut beside = vec![[NONE; 2]; choice.chords.len()];
-    for (t, cell) in cells.iter().enumerate() {
-        for &c in cell.constraints.iter().filter(|&&c| c != NONE) {
+    let is_beside = |&t: &usize| cells[t].constraints != [NONE; 3];
+    for t in (0..cells.len()).into_par_iter().filter(is_beside).collect::<Vec<_>>() {
+        for &c in cells[t].constraints.iter().filter(|&&c| c != NONE) {
             beside[c as usize / 2][c as usize % 2] = t as u32;
         }
     }

@@ -120,7 +120,7 @@ impl Builder<'_> {
         let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
         let mut f = self.spacing_at(levels, &picked)?;
         let is_steep = |&(&k, f): &(&u32, &[f64; K])| f[K - 1] / finer < STEEP * known.f[k as usize];
-        let steep: Vec<u32> = picked.iter().zip(&f).skip(facets).filter(is_steep).map(|(&k, _)| k).collect();
+        let steep: Vec<u32> = picked.par_iter().zip(&f).skip(facets).filter(is_steep).map(|(&k, _)| k).collect();
         let mut is_out = vec![true; n];
         picked.iter().for_each(|&k| is_out[k as usize] = false);
         let around = conflicting(tree, &known.f, beta, &steep, |k| is_out[k as usize], self.progress)?;

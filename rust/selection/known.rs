@@ -6,7 +6,7 @@
 
 use super::{Rule, greedy_in_tiles, may_conflict};
 use crate::error::Error;
-use crate::kdtree::{GRAIN, KdTree};
+use crate::kdtree::KdTree;
 use crate::point::distance_2;
 use crate::progress::Progress;
 use rayon::prelude::*;
@@ -32,6 +32,9 @@ impl Known {
         Ok(Known { set: greedy_in_tiles(tree, &f, beta, order, &[], progress)?, f })
     }
 }
+
+/// Points whose conflicts one thread looks for in one go.
+const ASKED_AT_ONCE: usize = 256;
 
 /// What may have become of a point.
 const ASKED: u8 = 1;
@@ -64,12 +67,12 @@ pub fn greedy_after<const D: usize>(
     // members conflict with none of each other: what is kept of them asks for nothing
     let others: Vec<u32> = keep.iter().copied().filter(|&i| !is(i, MEMBER)).collect();
     let blocked = conflicting(tree, f, beta, &others, |i| is(i, ASKED | MEMBER), progress)?;
-    let mut chosen: Vec<u32> = known.set.iter().copied().filter(|&i| is(i, ASKED)).collect();
+    let mut chosen: Vec<u32> = known.set.par_iter().copied().filter(|&i| is(i, ASKED)).collect();
     let mut left = blocked.iter().peekable();
     chosen.retain(|i| left.next_if_eq(&i).is_none());
 
     let is_changed = |&i: &u32| is(i, LOWERED) || !is(i, ASKED) && !is(i, STAYS);
-    let mut changed: Vec<u32> = known.set.iter().copied().filter(is_changed).collect();
+    let mut changed: Vec<u32> = known.set.par_iter().copied().filter(is_changed).collect();
     changed.extend(blocked);
     let is_other = |i: u32| is(i, ASKED) && !is(i, MEMBER);
     let mut asked = conflicting(tree, &known.f, beta, &changed, is_other, progress)?;
@@ -102,7 +105,7 @@ pub fn conflicting<const D: usize>(
     let positions = tree.positions();
     let most = tree.node_max_of(f);
     let found: Vec<Vec<u32>> = of
-        .par_chunks(GRAIN)
+        .par_chunks(ASKED_AT_ONCE)
         .map(|of| {
             progress.check()?;
             let mut found = Vec::new();

@@ -14,6 +14,7 @@ use super::{Rule, conflicting, prepared};
 use crate::error::Error;
 use crate::kdtree::KdTree;
 use crate::progress::Progress;
+use crate::scatter::scattered;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -25,6 +26,9 @@ const MOST_TILES: usize = 256;
 
 /// Room for rounding in "inside its tile by more than f / beta".
 const ROOM: f64 = 1.0 + 1e-9;
+
+/// Candidates that one thread sorts in one go.
+const SORTED_AT_ONCE: usize = 32_768;
 
 /// Steps of an order with fewer candidates are worked on by one thread.
 const WORTH_SHARING: usize = 1024;
@@ -148,24 +152,35 @@ impl<'a, const D: usize> Tiles<'a, D> {
 fn sorted_by_step(
     order: &[u32],
     steps: &[u16],
-    place: impl Fn(usize) -> usize,
+    place: impl Fn(usize) -> usize + Sync,
     places: usize,
 ) -> (Vec<u32>, Vec<(usize, usize)>) {
     let (least, most) = steps.iter().fold((u16::MAX, 0), |(a, b), &s| (a.min(s), b.max(s)));
-    let mut bounds = vec![(0, 0); places * (usize::from(most) + 1).saturating_sub(usize::from(least))];
+    let buckets = places * (usize::from(most) + 1).saturating_sub(usize::from(least));
     let bucket = |i: usize| usize::from(steps[i] - least) * places + place(i);
-    (0..order.len()).for_each(|i| bounds[bucket(i)].1 += 1);
-    let mut start = 0;
-    for (from, to) in &mut bounds {
-        let count = *to;
-        (*from, *to) = (start, start);
-        start += count;
+    let portion = |first: usize| first..order.len().min(first + SORTED_AT_ONCE);
+    let firsts: Vec<usize> = (0..order.len()).step_by(SORTED_AT_ONCE).collect();
+    let count = |&first: &usize| {
+        let mut counts = vec![0; buckets];
+        portion(first).for_each(|i| counts[bucket(i)] += 1);
+        counts
+    };
+    // counts become the places where each portion begins in a bucket
+    let mut starts: Vec<Vec<usize>> = firsts.par_iter().map(count).collect();
+    let (mut bounds, mut start) = (Vec::with_capacity(buckets), 0);
+    for bucket in 0..buckets {
+        let first = start;
+        for own in &mut starts {
+            start += std::mem::replace(&mut own[bucket], start);
+        }
+        bounds.push((first, start));
     }
-    let mut sorted = vec![0; order.len()];
-    for (i, &k) in order.iter().enumerate() {
-        let next = &mut bounds[bucket(i)].1;
-        sorted[*next] = k;
-        *next += 1;
-    }
-    (sorted, bounds)
+    let places = firsts.into_par_iter().zip(starts).flat_map_iter(|(first, mut next)| {
+        portion(first).map(move |i| {
+            let next = &mut next[bucket(i)];
+            *next += 1;
+            (*next - 1, order[i])
+        })
+    });
+    (scattered(vec![0; order.len()], places), bounds)
 }
