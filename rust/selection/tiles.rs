@@ -27,8 +27,9 @@ const MOST_TILES: usize = 256;
 /// Room for rounding in "inside its tile by more than f / beta".
 const ROOM: f64 = 1.0 + 1e-9;
 
-/// Candidates that one thread sorts in one go.
+/// Candidates that one thread sorts in one go, at least, and how many for each bucket that it counts.
 const SORTED_AT_ONCE: usize = 32_768;
+const COUNTED: usize = 8;
 
 /// Steps of an order with fewer candidates are worked on by one thread.
 const WORTH_SHARING: usize = 1024;
@@ -158,8 +159,10 @@ fn sorted_by_step(
     let (least, most) = steps.iter().fold((u16::MAX, 0), |(a, b), &s| (a.min(s), b.max(s)));
     let buckets = places * (usize::from(most) + 1).saturating_sub(usize::from(least));
     let bucket = |i: usize| usize::from(steps[i] - least) * places + place(i);
-    let portion = |first: usize| first..order.len().min(first + SORTED_AT_ONCE);
-    let firsts: Vec<usize> = (0..order.len()).step_by(SORTED_AT_ONCE).collect();
+    // where f has a great range, counts of many portions would be more than what is sorted
+    let size = SORTED_AT_ONCE.max(COUNTED * buckets);
+    let portion = |first: usize| first..order.len().min(first + size);
+    let firsts: Vec<usize> = (0..order.len()).step_by(size).collect();
     let count = |&first: &usize| {
         let mut counts = vec![0; buckets];
         portion(first).for_each(|i| counts[bucket(i)] += 1);
