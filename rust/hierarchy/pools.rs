@@ -48,15 +48,16 @@ impl Builder<'_> {
 
     /// f of some levels, ascending, at some candidates of the finest pool, ascending, which is a spatial order.
     fn spacing_at<const K: usize>(&self, levels: [usize; K], picked: &[u32]) -> Result<Vec<[f64; K]>, Error> {
-        let factors = levels.map(|i| self.factor(i));
+        let (factors, finest) = (levels.map(|i| self.factor(i)), &self.pools[0]);
         match self.spacing {
             Spacing::Function(all) => {
-                let points = &self.pools[0].candidates.points;
-                let points: Vec<_> = picked.par_iter().map(|&k| points[k as usize]).collect();
+                let points: Vec<_> = picked.par_iter().map(|&k| finest.candidates.points[k as usize]).collect();
                 all.at_sorted(factors, &points, self.progress)
             }
             Spacing::Threshold { g, held } => {
-                let all = factors.map(|factor| under_threshold(g, held, factor, picked));
+                // the finest pool may be what a level left of it
+                let members: Vec<u32> = picked.iter().map(|&k| finest.members[k as usize]).collect();
+                let all = factors.map(|factor| under_threshold(g, held, factor, &members));
                 Ok((0..picked.len()).map(|k| all.each_ref().map(|f| f[k])).collect())
             }
         }
