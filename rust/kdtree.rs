@@ -15,6 +15,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use crate::point::{Point, distance_2};
+use crate::scatter::scattered;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -193,33 +194,25 @@ impl<const D: usize> KdTree<D> {
     /// The same tree, the points of index `first` and greater numbered from there on in leaf order; also what their
     /// indices were.
     pub fn numbered_from(mut self, first: u32) -> (Self, Vec<u32>) {
-        let n = self.len();
-        let stays = |p: &usize| self.order[*p] < first;
-        let fixed: Vec<usize> = (0..n).into_par_iter().filter(stays).collect();
-        let mut positions = vec![0; n];
-        fixed.iter().for_each(|&p| positions[self.order[p] as usize] = p as u32);
-        // how many of the others come before each
-        let before: Vec<usize> = fixed.iter().zip(0..).map(|(p, k)| p - k).collect();
-        let mut were = vec![0; n - fixed.len()];
-        let places = positions[fixed.len()..].par_chunks_mut(GRAIN);
-        were.par_chunks_mut(GRAIN).zip(places).enumerate().for_each(|(chunk, (were, places))| {
-            let skipped = before.partition_point(|&before| before <= chunk * GRAIN);
-            let others = (chunk * GRAIN + skipped..n).filter(|&p| self.order[p] >= first);
-            for ((was, place), p) in were.iter_mut().zip(places).zip(others) {
-                (*was, *place) = (self.order[p], p as u32);
-            }
-        });
+        let before = self.order.clone();
+        let fixed: Vec<usize> = (0..self.len()).into_par_iter().filter(|&p| before[p] < first).collect();
         self.order.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, order)| {
             let start = chunk * GRAIN - fixed.partition_point(|&p| p < chunk * GRAIN);
             let others = order.iter_mut().filter(|index| **index >= first);
             others.zip(first + start as u32..).for_each(|(index, number)| *index = number);
         });
+        let others = self.order.par_iter().zip(&before).filter(|&(&number, _)| number >= first);
+        let places = others.map(|(number, &was)| ((number - first) as usize, was));
+        let were = scattered(vec![0; self.len() - fixed.len()], places);
+        let places = self.order.par_iter().enumerate().map(|(position, &index)| (index as usize, position as u32));
+        let positions = scattered(vec![0; self.len()], places);
         (KdTree { positions: positions.into(), ..self }, were)
     }
 
     /// Original index → leaf position; made when first asked for.
     pub fn positions(&self) -> &[u32] {
         self.positions.get_or_init(|| {
+            // by one thread: another that helped might come to wait for this very cell
             let mut positions = vec![0; self.order.len()];
             for (position, &index) in self.order.iter().enumerate() {
                 positions[index as usize] = position as u32;
