@@ -17,13 +17,14 @@ use crate::domain::{Domain, FacetRow};
 use crate::drop::{Dropped, Parts};
 use crate::error::Error;
 use crate::guard::{Guard, Outcome, Scene, better};
-use crate::kdtree::KdTree;
+use crate::kdtree::{GRAIN, KdTree};
 use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
+use crate::remaining::remaining_from;
 use crate::scatter::scattered;
 use crate::selection::Known;
-use crate::spacing::{CoarseSpacing, nearest};
+use crate::spacing::{CoarseSpacing, nearest_by_leaves};
 pub(crate) use pools::Pool;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -237,10 +238,10 @@ pub fn hierarchy(input: &Input<'_>, options: Options, progress: &Progress) -> Re
     let (tree, nodes): (&KdTree<2>, &[u32]) = (&all.tree, &all.nodes);
     progress.enter(1, nodes.len() as u64)?;
     let g = match input.spacing {
-        None => nearest(tree, progress)?,
-        Some(spacing) => candidate_spacing(spacing, &domain, nodes),
+        None => nearest_by_leaves(tree, progress)?,
+        Some(spacing) => tree.in_leaf_order(&candidate_spacing(spacing, &domain, nodes)),
     };
-    let finest = || spacing_at_nodes(&g, &domain, nodes, input.points.len());
+    let finest = || spacing_at_nodes(&g, &domain, &all, input.points.len());
     if options.method == Method::Mis {
         let (levels, stopped) = crate::skeleton::hierarchy(input.points, input.cells, &domain, options, progress)?;
         return Ok((levels, stopped, finest()));
@@ -303,7 +304,7 @@ struct Base<'a> {
     progress: &'a Progress,
     domain: &'a Domain,
     all: &'a Candidates<'a>,
-    /// Spacing of the input at all candidates.
+    /// Spacing of the input at all candidates, in leaf order.
     g: &'a [f64],
 }
 
@@ -313,16 +314,16 @@ impl<'a> Base<'a> {
         let (tree, gradation): (&KdTree<2>, f64) = (&self.all.tree, self.options.rules.gradation);
         Ok(match self.options.method {
             Method::Function | Method::Mis => {
-                let spacing = CoarseSpacing::new(tree, self.g, cap, gradation);
+                let spacing = CoarseSpacing::by_leaves(tree, self.g, cap, gradation);
                 Spacing::Function(if self.input.spacing.is_none() { spacing.of_nearest() } else { spacing })
             }
             Method::Threshold => {
                 let free = vec![f64::INFINITY; self.g.len()];
                 let held = match cap {
-                    Some(_) => CoarseSpacing::new(tree, &free, cap, gradation).at_points(1.0, self.progress)?,
+                    Some(_) => CoarseSpacing::by_leaves(tree, &free, cap, gradation).at_points(1.0, self.progress)?,
                     None => free,
                 };
-                Spacing::Threshold { g: self.g.to_vec(), held }
+                Spacing::Threshold { g: tree.by_index(self.g), held }
             }
         })
     }
@@ -331,7 +332,6 @@ impl<'a> Base<'a> {
         let input = self.input;
         let boundary = input.facets.iter().filter(|facet| facet.cell_tags.1.is_none()).count() as i64;
         let cells = input.cells.len() as i64;
-        let members = (0..self.all.nodes.len() as u32).collect();
         Builder {
             lag: (4f64.ln() / self.options.factor.ln()).ceil().clamp(1.0, 64.0) as usize,
             euler: input.points.len() as i64 - (3 * cells + boundary) / 2 + cells,
@@ -340,7 +340,7 @@ impl<'a> Base<'a> {
             is_barred: Vec::new(),
             facets: Vec::new(),
             parts: None,
-            pools: vec![Pool { candidates: self.all.borrowed(), members, f: Vec::new(), visits: 0 }],
+            pools: vec![Pool::finest(self.all.borrowed())],
             input,
             options: self.options,
             progress: self.progress,
@@ -355,17 +355,19 @@ impl<'a> Base<'a> {
 /// All nodes as candidates: facet vertices, then interior nodes in the order of the tree's leaves, a spatial one.
 fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
     let facets = domain.len();
-    let mut on_facet = vec![false; points.len()];
-    domain.nodes().iter().for_each(|&node| on_facet[node as usize] = true);
-    let mut nodes: Vec<u32> = (0..facets as u32).map(|v| domain.copies(v)[0]).collect();
-    nodes.par_extend((0..points.len() as u32).into_par_iter().filter(|&i| !on_facet[i as usize]));
-    let mut place: Vec<Point<2>> = nodes.par_iter().map(|&i| points[i as usize]).collect();
-    let (tree, were) = KdTree::new(&place).numbered_from(facets as u32);
-    let own = tree.positions().par_iter().map(|&p| tree.points()[p as usize]);
-    place.par_iter_mut().zip(own).for_each(|(place, own)| *place = own);
+    let mut on_facets = domain.nodes().to_vec();
+    on_facets.sort_unstable();
+    let mut nodes = vec![0; facets + points.len() - on_facets.len()];
+    let (vertices, interior) = nodes.split_at_mut(facets);
+    vertices.iter_mut().zip(0..).for_each(|(node, v)| *node = domain.copies(v)[0]);
+    interior.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, nodes)| {
+        nodes.iter_mut().zip(remaining_from(&on_facets, chunk * GRAIN)).for_each(|(node, i)| *node = i as u32);
+    });
+    let tree = KdTree::of(nodes.len(), |k| points[nodes[k] as usize]);
+    let (tree, were) = tree.numbered_from(facets as u32);
     let before = |k: usize| k.checked_sub(facets).map_or(k, |k| were[k] as usize);
     let nodes = (0..nodes.len()).into_par_iter().map(|k| nodes[before(k)]).collect();
-    Candidates { tree: Cow::Owned(tree), points: Cow::Owned(place), nodes: Cow::Owned(nodes) }
+    Candidates { tree: Cow::Owned(tree), nodes: Cow::Owned(nodes) }
 }
 
 /// A given spacing at the candidates, the least of a vertex's copies.
@@ -375,12 +377,13 @@ fn candidate_spacing(spacing: &[f64], domain: &Domain, nodes: &[u32]) -> Vec<f64
     facets.chain(nodes[domain.len()..].iter().map(|&i| spacing[i as usize])).collect()
 }
 
-/// Values of candidates at all nodes, copies alike.
-fn spacing_at_nodes(g: &[f64], domain: &Domain, nodes: &[u32], n: usize) -> Vec<f64> {
+/// Values of candidates, in leaf order, at all `n` nodes, copies alike.
+fn spacing_at_nodes(g: &[f64], domain: &Domain, all: &Candidates<'_>, n: usize) -> Vec<f64> {
     let mut at_nodes = vec![0.0; n];
-    nodes.iter().zip(g).for_each(|(&node, &value)| at_nodes[node as usize] = value);
-    for (v, &value) in (0..domain.len() as u32).zip(g) {
-        domain.copies(v).iter().for_each(|&node| at_nodes[node as usize] = value);
+    all.tree.order().iter().zip(g).for_each(|(&k, &value)| at_nodes[all.nodes[k as usize] as usize] = value);
+    for v in 0..domain.len() as u32 {
+        let [first, others @ ..] = domain.copies(v) else { continue };
+        others.iter().for_each(|&node| at_nodes[node as usize] = at_nodes[*first as usize]);
     }
     at_nodes
 }
@@ -523,8 +526,8 @@ impl Builder<'_> {
             loop {
                 let p = self.pool_for(depth)?;
                 let facets = self.domain.len();
-                let now = self.pools[p].members.len() - facets;
-                let before = self.pools[p.saturating_sub(1)].members.len() - facets;
+                let now = self.pools[p].len() - facets;
+                let before = self.pools[p.saturating_sub(1)].len() - facets;
                 let is_stalled = p > 0 && now as f64 > STALL * before as f64;
                 if now as f64 <= share * self.options.coarsest as f64 || is_stalled || depth == MAX_LEVELS {
                     break;

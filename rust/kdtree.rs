@@ -15,7 +15,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use crate::point::{Point, distance_2};
-use crate::scatter::scattered;
+use crate::remaining::remaining_from;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -140,8 +140,13 @@ impl<const D: usize> KdTree<D> {
     ///
     /// Runtime: O(n log n), in parallel; the result does not depend on the number of threads.
     pub fn new(points: &[Point<D>]) -> Self {
+        Self::of(points.len(), |i| points[i])
+    }
+
+    /// The same, of `n` points by their numbers.
+    pub fn of(n: usize, point: impl Fn(usize) -> Point<D> + Sync) -> Self {
         let mut items: Vec<Item<D>> =
-            points.par_iter().enumerate().map(|(i, &point)| Item { point, index: i as u32 }).collect();
+            (0..n).into_par_iter().map(|i| Item { point: point(i), index: i as u32 }).collect();
         let mut first_leaf = 1;
         while items.len().div_ceil(first_leaf) > LEAF {
             first_leaf *= 2;
@@ -194,19 +199,30 @@ impl<const D: usize> KdTree<D> {
     /// The same tree, the points of index `first` and greater numbered from there on in leaf order; also what their
     /// indices were.
     pub fn numbered_from(mut self, first: u32) -> (Self, Vec<u32>) {
-        let before = self.order.clone();
-        let fixed: Vec<usize> = (0..self.len()).into_par_iter().filter(|&p| before[p] < first).collect();
+        let n = self.len() as u32;
+        let fixed: Vec<u32> = (0..n).into_par_iter().filter(|&p| self.order[p as usize] < first).collect();
+        let mut positions = vec![0; self.len()];
+        let (of_fixed, of_others) = positions.split_at_mut(fixed.len());
+        fixed.iter().for_each(|&p| of_fixed[self.order[p as usize] as usize] = p);
+        let mut were = vec![0; of_others.len()];
+        let chunks = were.par_chunks_mut(GRAIN).zip(of_others.par_chunks_mut(GRAIN)).enumerate();
+        chunks.for_each(|(chunk, (were, positions))| {
+            for ((was, own), p) in were.iter_mut().zip(positions).zip(remaining_from(&fixed, chunk * GRAIN)) {
+                (*was, *own) = (self.order[p], p as u32);
+            }
+        });
         self.order.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, order)| {
-            let start = chunk * GRAIN - fixed.partition_point(|&p| p < chunk * GRAIN);
+            let start = chunk * GRAIN - fixed.partition_point(|&p| (p as usize) < chunk * GRAIN);
             let others = order.iter_mut().filter(|index| **index >= first);
             others.zip(first + start as u32..).for_each(|(index, number)| *index = number);
         });
-        let others = self.order.par_iter().zip(&before).filter(|&(&number, _)| number >= first);
-        let places = others.map(|(number, &was)| ((number - first) as usize, was));
-        let were = scattered(vec![0; self.len() - fixed.len()], places);
-        let places = self.order.par_iter().enumerate().map(|(position, &index)| (index as usize, position as u32));
-        let positions = scattered(vec![0; self.len()], places);
         (KdTree { positions: positions.into(), ..self }, were)
+    }
+
+    /// The point of an original index.
+    #[inline(always)]
+    pub fn point(&self, index: u32) -> &Point<D> {
+        &self.points[self.positions()[index as usize] as usize]
     }
 
     /// Original index → leaf position; made when first asked for.
@@ -219,6 +235,16 @@ impl<const D: usize> KdTree<D> {
             }
             positions
         })
+    }
+
+    /// Values in leaf order by original index.
+    pub fn by_index(&self, in_leaf_order: &[f64]) -> Vec<f64> {
+        self.positions().par_iter().map(|&position| in_leaf_order[position as usize]).collect()
+    }
+
+    /// Values by original index in leaf order.
+    pub fn in_leaf_order(&self, by_index: &[f64]) -> Vec<f64> {
+        self.order.par_iter().map(|&index| by_index[index as usize]).collect()
     }
 
     /// How many points there are.

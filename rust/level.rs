@@ -25,8 +25,6 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub struct Candidates<'a> {
     /// Candidate `k` is facet vertex `k` for `k < domain.len()`.
     pub tree: Cow<'a, KdTree<2>>,
-    /// Their coordinates.
-    pub points: Cow<'a, [Point<2>]>,
     /// Their nodes (the first copy of a facet vertex).
     pub nodes: Cow<'a, [u32]>,
 }
@@ -34,11 +32,13 @@ pub struct Candidates<'a> {
 impl Candidates<'_> {
     /// The same, borrowed from these.
     pub fn borrowed(&self) -> Candidates<'_> {
-        Candidates {
-            tree: Cow::Borrowed(&self.tree),
-            points: Cow::Borrowed(&self.points),
-            nodes: Cow::Borrowed(&self.nodes),
-        }
+        Candidates { tree: Cow::Borrowed(&self.tree), nodes: Cow::Borrowed(&self.nodes) }
+    }
+
+    /// The coordinates of one.
+    #[inline(always)]
+    pub fn point(&self, k: u32) -> &Point<2> {
+        self.tree.point(k)
     }
 }
 
@@ -95,7 +95,7 @@ pub fn select(
 ) -> Result<(Choice, Vec<Place>), Error> {
     let facets = domain.len();
     let seeded: Vec<u32> = seeds.interior.par_iter().map(|&node| candidate_of(node)).collect();
-    let obstacles: Vec<Point<2>> = seeded.par_iter().map(|&k| candidates.points[k as usize]).collect();
+    let obstacles: Vec<Point<2>> = seeded.par_iter().map(|&k| *candidates.point(k)).collect();
     let mut kept: Vec<bool> =
         (0..facets).map(|v| domain.corner[v] || seeds.kept.get(v).copied().unwrap_or(false)).collect();
     let mut held = seeds.held.clone();
@@ -203,10 +203,10 @@ pub fn lower(candidates: &Candidates<'_>, f: &mut [f64], rooms: &[(u32, f64)], g
     let tree: &KdTree<2> = &candidates.tree;
     let most = tree.node_max_of(f);
     for &(v, room) in rooms {
-        let p = candidates.points[v as usize];
+        let p = *candidates.point(v);
         let reached = |node: usize| room + gradation * tree.bounds(node).distance_2(&p).sqrt() < most[node];
-        each_in(tree, reached, |k| {
-            let value = room + gradation * distance(&p, &candidates.points[k]);
+        each_in(tree, reached, |k, x| {
+            let value = room + gradation * distance(&p, x);
             if value < f[k] {
                 f[k] = value;
             }
@@ -252,8 +252,8 @@ pub fn near_facets(
             let (reach, bounds) = (delta * most[node], tree.bounds(node));
             bounds.gap_2(&segment) < reach * reach && is_within(bounds, &ends, reach)
         };
-        each_in(tree, reached, |k| {
-            let is_near = || segment_distance_2(&candidates.points[k], a, b) < (delta * f[k]) * (delta * f[k]);
+        each_in(tree, reached, |k, x| {
+            let is_near = || segment_distance_2(x, a, b) < (delta * f[k]) * (delta * f[k]);
             if k >= facets && place(k) == Place::Inside as u8 && is_near() {
                 put(k, Place::Near);
             }
@@ -265,9 +265,9 @@ pub fn near_facets(
                 let bounds = tree.bounds(node);
                 bounds.gap_2(&piece) == 0.0 && is_within(bounds, &ends, deviation)
             };
-            each_in(tree, touched, |k| {
+            each_in(tree, touched, |k, x| {
                 let is_open = k >= facets && place(k) < Place::CutOff as u8;
-                if is_open && domain.holds(chord, &candidates.points[k]) {
+                if is_open && domain.holds(chord, x) {
                     put(k, Place::CutOff);
                 }
             });
@@ -295,13 +295,14 @@ fn is_within(bounds: &Bounds<2>, [a, b]: &[Point<2>; 2], reach: f64) -> bool {
     off <= room || off.is_nan()
 }
 
-/// Calls `found` with every candidate in the tree nodes that are `wanted`.
-pub(crate) fn each_in(tree: &KdTree<2>, wanted: impl Fn(usize) -> bool, mut found: impl FnMut(usize)) {
+/// Calls `found` with every candidate in the tree nodes that are `wanted`, and its coordinates.
+pub(crate) fn each_in(tree: &KdTree<2>, wanted: impl Fn(usize) -> bool, mut found: impl FnMut(usize, &Point<2>)) {
     tree.search(
         1.0,
         |node| if wanted(node) { 0.0 } else { 2.0 },
         |_, range| {
-            tree.order()[range].iter().for_each(|&k| found(k as usize));
+            let points = &tree.points()[range.clone()];
+            tree.order()[range].iter().zip(points).for_each(|(&k, x)| found(k as usize, x));
             1.0
         },
     );

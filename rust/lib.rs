@@ -9,6 +9,7 @@ pub mod point;
 pub mod progress;
 
 pub mod lanes;
+pub mod remaining;
 pub mod scatter;
 
 pub mod kdtree;

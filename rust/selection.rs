@@ -12,7 +12,7 @@ mod known;
 mod tiles;
 
 pub use known::{Known, conflicting, greedy_after};
-pub use tiles::{greedy_in_tiles, rank};
+pub use tiles::{greedy_in_tiles, greedy_of_all, rank};
 
 use crate::error::Error;
 use crate::kdtree::{GRAIN, KdTree};

@@ -8,6 +8,7 @@
 //! All are exact bit for bit: the minimum over all points of the rounded formula, whatever the order in which they are
 //! met. Searches prune with bounds that are monotone in floating point (see `kdtree`), or leave room for rounding (`walk`).
 
+mod cap;
 mod few;
 mod thin;
 mod walk;
@@ -17,6 +18,7 @@ use crate::kdtree::{KdTree, LEAF};
 use crate::lanes;
 use crate::point::{Point, distance_2};
 use crate::progress::Progress;
+use cap::Cap;
 use few::Few;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -38,8 +40,12 @@ const SQUARABLE: f64 = 1e-150;
 ///
 /// Runtime: O(n log n) for bounded density, in parallel.
 pub fn nearest<const D: usize>(tree: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
-    let in_leaf_order = by_leaves(tree, progress, |leaves, found| nearest_in(tree, leaves, found))?;
-    Ok(by_index(tree, &in_leaf_order))
+    Ok(tree.by_index(&nearest_by_leaves(tree, progress)?))
+}
+
+/// [`nearest`] in leaf order.
+pub(crate) fn nearest_by_leaves<const D: usize>(tree: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
+    by_leaves(tree, progress, |leaves, found| nearest_in(tree, leaves, found))
 }
 
 /// NN_P anywhere: the radius of the smallest closed ball about x that holds two points of P at different locations.
@@ -53,7 +59,7 @@ pub fn nearest_at<const D: usize>(tree: &KdTree<D>, at: &[Point<D>], progress: &
             };
         }
     })?;
-    Ok(by_index(&queries, &in_leaf_order))
+    Ok(queries.by_index(&in_leaf_order))
 }
 
 /// max(g, C min g) (Definition 3.4).
@@ -67,17 +73,11 @@ pub fn threshold(g: &[f64], factor: f64) -> Vec<f64> {
 pub struct CoarseSpacing<'a, const D: usize> {
     tree: Cow<'a, KdTree<D>>,
     gradation: f64,
-    g: Vec<f64>,
+    /// In leaf order.
+    g: Cow<'a, [f64]>,
     least_g: Vec<f64>,
     cap: Option<Cap>,
     is_nearest: bool,
-}
-
-/// What holds the spacing down, in leaf order and its minimum by node.
-#[derive(Debug)]
-struct Cap {
-    at: Vec<f64>,
-    least: Vec<f64>,
 }
 
 impl<'a, const D: usize> CoarseSpacing<'a, D> {
@@ -86,18 +86,21 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     ///
     /// Runtime: O(n).
     pub fn new(tree: &'a KdTree<D>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
-        Self::over(Cow::Borrowed(tree), g, cap, gradation)
+        Self::over(Cow::Borrowed(tree), Cow::Owned(tree.in_leaf_order(g)), None, gradation).held(cap)
     }
 
-    fn over(tree: Cow<'a, KdTree<D>>, g: &[f64], cap: Option<&[f64]>, gradation: f64) -> Self {
-        let g: Vec<f64> = tree.order().par_iter().map(|&i| g[i as usize]).collect();
-        let least_g = tree.node_min(&g);
-        let cap = cap.map(|cap| {
-            let at = |&i: &u32| cap.get(i as usize).copied().unwrap_or(f64::INFINITY);
-            let at: Vec<f64> = tree.order().par_iter().map(at).collect();
-            Cap { least: tree.node_min(&at), at }
-        });
-        CoarseSpacing { tree, gradation, g, least_g, cap, is_nearest: false }
+    /// For g in leaf order.
+    pub(crate) fn by_leaves(tree: &'a KdTree<D>, g: &'a [f64], cap: Option<&[f64]>, gradation: f64) -> Self {
+        Self::over(Cow::Borrowed(tree), Cow::Borrowed(g), None, gradation).held(cap)
+    }
+
+    fn over(tree: Cow<'a, KdTree<D>>, g: Cow<'a, [f64]>, cap: Option<Cap>, gradation: f64) -> Self {
+        CoarseSpacing { least_g: tree.node_min(&g), tree, gradation, g, cap, is_nearest: false }
+    }
+
+    /// The same, held under a cap by original index.
+    fn held(self, cap: Option<&[f64]>) -> Self {
+        CoarseSpacing { cap: cap.map(|cap| Cap::new(&self.tree, cap)), ..self }
     }
 
     /// The same, for a g that is [`nearest`] of these points: none but copies of it is nearer to a point than its g, so
@@ -108,11 +111,11 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
 
     /// f at every point of the tree, by original index.
     pub fn at_points(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
-        Ok(by_index(&self.tree, &self.at_leaves(factor, progress)?))
+        Ok(self.tree.by_index(&self.at_leaves(factor, progress)?))
     }
 
     /// f at every point of the tree, in leaf order.
-    fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
+    pub(crate) fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
         let level = self.level([factor]);
         by_leaves(&self.tree, progress, |leaves, mut found| {
             let mut winner = None;
@@ -142,7 +145,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
         if self.is_over(at) {
             return self.at_points(factor, progress);
         }
-        Ok(by_index(at, self.at_sorted([factor], at.points(), progress)?.as_flattened()))
+        Ok(at.by_index(self.at_sorted([factor], at.points(), progress)?.as_flattened()))
     }
 
     /// f at any locations; fast when many neighbours are asked for together, in any order.
@@ -286,9 +289,4 @@ fn in_blocks<const D: usize, T: Clone + Send>(
         Ok(())
     })?;
     Ok(found)
-}
-
-/// From leaf order to the original order.
-fn by_index<const D: usize>(tree: &KdTree<D>, in_leaf_order: &[f64]) -> Vec<f64> {
-    tree.positions().par_iter().map(|&position| in_leaf_order[position as usize]).collect()
 }

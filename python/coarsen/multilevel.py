@@ -340,7 +340,7 @@ def facets_of(mesh: Mesh) -> FacetArrays:
 def level_from(mesh: Mesh, made: dict[str, Any]) -> Level:
     """Wrap what the core made of one level."""
     nodes = made["nodes"]
-    points = mesh.points[nodes]
+    points = mesh.points.take(nodes, axis=0)
     cell_tags = None if mesh.cell_tags is None else made["cell_tags"].astype(mesh.cell_tags.dtype)
     fields = None if mesh.point_data is None else {name: values[nodes] for name, values in mesh.point_data.items()}
     carried: dict[str, Any] = {"cell_tags": cell_tags, "point_data": fields}

@@ -2,10 +2,7 @@
 
 use super::select::select_facets;
 use crate::error::Error;
-use crate::hierarchy::{Builder, MAX_LEVELS, Pool};
-use crate::kdtree::KdTree;
-use crate::level::Candidates;
-use std::borrow::Cow;
+use crate::hierarchy::{Builder, MAX_LEVELS};
 
 /// Facet vertices are thinned until a coarsest level has this many cells for each.
 const FEW: usize = 16;
@@ -35,11 +32,7 @@ impl Builder<'_> {
     /// few nodes. Returns those of level `first`.
     pub(crate) fn plan_facets(&mut self, first: usize, last: Option<usize>) -> Result<Vec<bool>, Error> {
         let facets = self.domain.len();
-        let finest = &self.pools[0].candidates;
-        let points = finest.points[..facets].to_vec();
-        let tree = Cow::Owned(KdTree::new(&points));
-        let candidates = Candidates { tree, points: Cow::Owned(points), nodes: finest.nodes[..facets].to_vec().into() };
-        let pool = Pool { candidates, members: (0..facets as u32).collect(), f: Vec::new(), visits: 0 };
+        let pool = self.pools[0].subset(&(0..facets as u32).collect::<Vec<_>>(), 0);
         let parts = self.parts();
         let select = |i: usize, seeds: &[bool]| -> Result<Vec<bool>, Error> {
             let f = self.spacing_in(i, &pool)?;

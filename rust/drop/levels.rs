@@ -8,7 +8,6 @@ use crate::error::Error;
 use crate::hierarchy::{Builder, Level, MAX_LEVELS, STALL, Spacing};
 use crate::kdtree::KdTree;
 use crate::level::{Candidates, Choice, LevelMesh, Seeds};
-use crate::point::Point;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -161,7 +160,7 @@ impl Builder<'_> {
         let mut allowed = finer.filter(|_| self.options.nested).map(|level| nodes_of(&level.mesh));
         let mut before = finer.map_or(self.input.cells.len(), |level| level.mesh.cells.len());
         let is_open = self.options.levels.is_none();
-        let mut sites = self.pools[0].members.len() - self.is_barred.iter().filter(|&&barred| barred).count();
+        let mut sites = self.pools[0].len() - self.is_barred.iter().filter(|&&barred| barred).count();
         let mut visits = 0;
         let mut levels: Vec<Level> = Vec::new();
         let mut change = finer.and_then(|level| level.dropped).map_or(0.0, |dropped| dropped.change());
@@ -243,9 +242,8 @@ impl Builder<'_> {
             }
             None => self.pools[0].candidates.nodes.to_vec(),
         };
-        let points: Vec<Point<2>> = all.iter().map(|&node| self.input.points[node as usize]).collect();
-        let tree = Cow::Owned(KdTree::new(&points));
-        Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(all) }
+        let tree = KdTree::of(all.len(), |k| self.input.points[all[k] as usize]);
+        Candidates { tree: Cow::Owned(tree), nodes: Cow::Owned(all) }
     }
 
     /// A level made from a source, keeping those of `seeds` that are in it.
@@ -340,12 +338,8 @@ impl Builder<'_> {
         self.is_barred = (0..facets as u32).map(|v| !self.domain.copies(v).iter().any(is_wanted)).collect();
         let finest = &mut self.pools[0];
         let is_in = |&k: &usize| k < facets || is_wanted(&finest.candidates.nodes[k]);
-        let members: Vec<usize> = (0..finest.candidates.nodes.len()).filter(is_in).collect();
-        let points: Vec<Point<2>> = members.iter().map(|&k| finest.candidates.points[k]).collect();
-        let nodes = members.iter().map(|&k| finest.candidates.nodes[k]).collect();
-        let tree = Cow::Owned(KdTree::new(&points));
-        finest.candidates = Candidates { tree, points: Cow::Owned(points), nodes: Cow::Owned(nodes) };
-        finest.members = members.into_iter().map(|k| k as u32).collect();
+        let members: Vec<u32> = (0..finest.candidates.nodes.len()).filter(is_in).map(|k| k as u32).collect();
+        *finest = finest.subset(&members, finest.visits);
         self.pools.truncate(1);
         self.known = None;
         self.at_hand = usize::MAX;

@@ -74,7 +74,7 @@ impl<'a> Picker<'a> {
             // planes are farther apart than any two points conflict
             let step = 2.0 * all.clone().map(|k| f[k as usize]).fold(0.0, f64::max);
             let place = |k: u32| {
-                let [x, y] = candidates.points[k as usize];
+                let [x, y] = *candidates.point(k);
                 [x, y, step * f64::from(group[candidates.nodes[k as usize] as usize])]
             };
             KdTree::new(&all.map(place).collect::<Vec<Point<3>>>())
@@ -105,7 +105,7 @@ pub fn select_inside(
     terms: Terms<'_>,
     progress: &Progress,
 ) -> Result<Choice, Error> {
-    let obstacles: Vec<Point<2>> = seeds.candidates.iter().map(|&k| candidates.points[k as usize]).collect();
+    let obstacles: Vec<Point<2>> = seeds.candidates.iter().map(|&k| *candidates.point(k)).collect();
     let chords = domain.valid_chords(&kept, f, &obstacles, &[]);
     let mut rules = terms.rules;
     rules.beta *= terms.denser;

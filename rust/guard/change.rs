@@ -124,7 +124,7 @@ impl Work<'_> {
     /// Makes a candidate a site; false, with the site added to the patch but to no cell, where it does not fit.
     fn join(&mut self, change: Change, from: u32) -> bool {
         let (scene, guard, k) = (self.scene, self.guard, change.new);
-        let (p, f) = (scene.candidates.points[k as usize], scene.f[k as usize]);
+        let (p, f) = (*scene.candidates.point(k), scene.f[k as usize]);
         let v = self.patch.add(p, scene.candidates.nodes[k as usize]);
         self.candidate.push(k);
         self.is_free.push(true);
@@ -134,9 +134,9 @@ impl Work<'_> {
         let candidate = &self.candidate;
         let room = if self.is_last { 0.0 } else { guard.room };
         let fits = |w: u32| {
-            let other = candidate[w as usize] as usize;
-            let near = (f + scene.f[other]) / guard.beta;
-            distance(&p, &scene.candidates.points[other]) >= room * near
+            let other = candidate[w as usize];
+            let near = (f + scene.f[other as usize]) / guard.beta;
+            distance(&p, scene.candidates.point(other)) >= room * near
         };
         let is_there = if change.chord == NONE {
             self.patch.insert(v, from, fits)
@@ -229,9 +229,9 @@ impl Work<'_> {
         each_in(
             tree,
             |node| tree.bounds(node).gap_2(&piece) == 0.0,
-            |k| {
+            |k, x| {
                 let is_kept = self.taken[k] && k as u32 != but && !chord.vertices.contains(&(k as u32));
-                is_clear &= !is_kept || !domain.holds(chord, &candidates.points[k]);
+                is_clear &= !is_kept || !domain.holds(chord, x);
             },
         );
         is_clear

@@ -350,7 +350,7 @@ impl<'a> Work<'a> {
         let (scene, guard) = (self.scene, self.guard);
         let mut room = std::collections::BTreeMap::new();
         for &k in self.candidate[self.sites.len()..].iter().filter(|&&k| self.taken[k as usize]) {
-            let (p, f) = (scene.candidates.points[k as usize], scene.f[k as usize]);
+            let (p, f) = (*scene.candidates.point(k), scene.f[k as usize]);
             scene.candidates.tree.ball(&p, 2.0 * f / (guard.beta - guard.slope), |position, d_2| {
                 let other = scene.candidates.tree.order()[position];
                 let d = d_2.sqrt();

@@ -30,6 +30,7 @@ use crate::error::Error;
 use crate::level::{Candidates, Choice, Place, Triangulated};
 use crate::point::Point;
 use patch::Patch;
+use rayon::prelude::*;
 
 /// Share of nodes that the guard may add to a level.
 pub const BUDGET: f64 = 0.10;
@@ -140,7 +141,7 @@ fn is_valid(scene: &Scene<'_>, choice: &Choice, level: &Triangulated) -> bool {
     let facets = scene.domain.len();
     let is_interior = |&(&site, _): &(&u32, &Point<2>)| site as usize >= facets;
     let interior: Vec<Point<2>> =
-        level.sites.iter().zip(&level.points).filter(is_interior).map(|(_, &point)| point).collect();
+        level.sites.par_iter().zip(&level.points).filter(is_interior).map(|(_, &point)| point).collect();
     let mut kept = choice.kept.clone();
     scene.domain.repair(&mut kept, &interior, false);
     kept == choice.kept

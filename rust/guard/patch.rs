@@ -23,6 +23,9 @@ const ROOM: f64 = 1e-12;
 /// Products of squares under this may have lost digits to underflow.
 const VANISHING: f64 = 1e-290;
 
+/// One point for so many is expected to be added.
+const ADDED: usize = 32;
+
 const DEAD: Cell = Cell { corners: [NONE; 3], neighbours: [NONE; 3], constraints: [NONE; 3] };
 
 /// An edge of a cavity or hole, seen from inside: ends, cell behind it, constraint on it.
@@ -58,9 +61,20 @@ pub struct Patch {
 
 impl Patch {
     /// Takes over cells beside a number of chords; `names` break ties.
-    pub fn new(points: Vec<Point<2>>, names: Vec<u32>, cells: Vec<Cell>, chords: usize) -> Patch {
+    pub fn new(mut points: Vec<Point<2>>, mut names: Vec<u32>, mut cells: Vec<Cell>, chords: usize) -> Patch {
         let count = cells.len();
-        let mut at = vec![NONE; points.len()];
+        // a few more of all without taking all to another place
+        let (more_points, more_cells) = (points.len() / ADDED, 3 * count / ADDED);
+        points.reserve_exact(more_points);
+        names.reserve_exact(more_points);
+        cells.reserve_exact(more_cells);
+        let [stamp, mark] = [(); 2].map(|()| {
+            let mut zeros = vec![0; count + more_cells];
+            zeros.truncate(count);
+            zeros
+        });
+        let mut at = Vec::with_capacity(points.len() + more_points);
+        at.resize(points.len(), NONE);
         for (t, cell) in cells.iter().enumerate() {
             cell.corners.iter().for_each(|&v| at[v as usize] = t as u32);
         }
@@ -72,9 +86,9 @@ impl Patch {
             saved: Vec::new(),
             saved_at: Vec::new(),
             before: Vec::new(),
-            stamp: vec![0; count],
+            stamp,
             change: 0,
-            mark: vec![0; count],
+            mark,
             marks: 0,
             beside: vec![NONE; 2 * chords],
             is_fresh: vec![false; chords],

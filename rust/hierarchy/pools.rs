@@ -14,24 +14,37 @@ const STEEP: f64 = 0.7;
 
 pub(crate) struct Pool<'a> {
     pub(crate) candidates: Candidates<'a>,
-    /// Candidate of the finest pool, by candidate of this one.
-    pub(crate) members: Vec<u32>,
+    /// Candidate of the finest pool, by candidate of this one; `None` in the finest itself.
+    members: Option<Vec<u32>>,
     /// f at the candidates, by levels that it is known of.
     pub(crate) f: Vec<(usize, Vec<f64>)>,
     /// Candidates looked at to make it.
     pub(crate) visits: usize,
 }
 
-impl Pool<'_> {
+impl<'a> Pool<'a> {
+    /// The finest.
+    pub(super) fn finest(candidates: Candidates<'a>) -> Self {
+        Pool { candidates, members: None, f: Vec::new(), visits: 0 }
+    }
+
+    /// How many candidates there are.
+    pub(crate) fn len(&self) -> usize {
+        self.candidates.nodes.len()
+    }
+
+    /// The candidate of the finest pool that a candidate is.
+    fn member(&self, k: u32) -> u32 {
+        self.members.as_ref().map_or(k, |members| members[k as usize])
+    }
+
     /// Some of the candidates (ascending, all facet vertices among them) as a pool, without f.
-    fn subset(&self, picked: &[u32], visits: usize) -> Pool<'static> {
-        let points: Vec<_> = picked.par_iter().map(|&k| self.candidates.points[k as usize]).collect();
+    pub(crate) fn subset(&self, picked: &[u32], visits: usize) -> Pool<'static> {
         let candidates = Candidates {
-            tree: Cow::Owned(KdTree::new(&points)),
-            points: Cow::Owned(points),
+            tree: Cow::Owned(KdTree::of(picked.len(), |i| *self.candidates.point(picked[i]))),
             nodes: picked.iter().map(|&k| self.candidates.nodes[k as usize]).collect(),
         };
-        let members = picked.iter().map(|&k| self.members[k as usize]).collect();
+        let members = Some(picked.iter().map(|&k| self.member(k)).collect());
         Pool { candidates, members, f: Vec::new(), visits }
     }
 }
@@ -42,7 +55,10 @@ impl Builder<'_> {
         let factor = self.factor(i);
         match self.spacing {
             Spacing::Function(all) => self.sites(all, factor).at_tree(factor, &pool.candidates.tree, self.progress),
-            Spacing::Threshold { g, held } => Ok(under_threshold(g, held, factor, &pool.members)),
+            Spacing::Threshold { g, held } => {
+                let members = (0..pool.len() as u32).map(|k| pool.member(k));
+                Ok(under_threshold(g, held, factor, members))
+            }
         }
     }
 
@@ -51,13 +67,13 @@ impl Builder<'_> {
         let (factors, finest) = (levels.map(|i| self.factor(i)), &self.pools[0]);
         match self.spacing {
             Spacing::Function(all) => {
-                let points: Vec<_> = picked.par_iter().map(|&k| finest.candidates.points[k as usize]).collect();
+                let points: Vec<_> = picked.par_iter().map(|&k| *finest.candidates.point(k)).collect();
                 all.at_sorted(factors, &points, self.progress)
             }
             Spacing::Threshold { g, held } => {
                 // the finest pool may be what a level left of it
-                let members: Vec<u32> = picked.iter().map(|&k| finest.members[k as usize]).collect();
-                let all = factors.map(|factor| under_threshold(g, held, factor, &members));
+                let members = || picked.iter().map(|&k| finest.member(k));
+                let all = factors.map(|factor| under_threshold(g, held, factor, members()));
                 Ok((0..picked.len()).map(|k| all.each_ref().map(|f| f[k])).collect())
             }
         }
@@ -104,9 +120,12 @@ impl Builder<'_> {
     fn find_first_set(&mut self) -> Result<(), Error> {
         if self.known.is_none() {
             let all = &self.pools[0];
-            let f = self.spacing_in(1, all)?;
-            let order: Vec<u32> = (self.domain.len() as u32..all.members.len() as u32).collect();
-            let known = Known::new(&all.candidates.tree, f, self.options.rules.beta, &order, self.progress)?;
+            let tree: &KdTree<2> = &all.candidates.tree;
+            let f = match self.spacing {
+                Spacing::Function(spacing) if spacing.is_over(tree) => spacing.at_leaves(self.factor(1), self.progress)?,
+                _ => tree.in_leaf_order(&self.spacing_in(1, all)?),
+            };
+            let known = Known::new(tree, f, self.options.rules.beta, self.domain.len() as u32, self.progress)?;
             self.known = Some(known);
         }
         Ok(())
@@ -115,7 +134,7 @@ impl Builder<'_> {
     /// The pool of level 1 + m, the last of `levels` to draw from it: the first set, and more where that set is too thin.
     fn first_pool<const K: usize>(&self, levels: [usize; K]) -> Result<Pool<'static>, Error> {
         let (all, facets) = (&self.pools[0], self.domain.len());
-        let (tree, n) = (&all.candidates.tree, all.members.len());
+        let (tree, n) = (&all.candidates.tree, all.len());
         let (beta, finer) = (self.options.rules.beta, self.factor(self.lag));
         let Some(known) = &self.known else { return Err(Error::Internal("the first set is not there".into())) };
         let mut picked: Vec<u32> = (0..facets as u32).chain(known.set.iter().copied()).collect();
@@ -146,7 +165,7 @@ impl Builder<'_> {
         let level = self.pools.len() + self.lag;
         let f = self.spacing_in(level, last)?;
         let scaled: Vec<f64> = f.par_iter().map(|value| value / finer).collect();
-        let order: Vec<u32> = (facets..last.members.len() as u32).collect();
+        let order: Vec<u32> = (facets..last.len() as u32).collect();
         // ascending, so that the spatial order of the finest pool stays
         let chosen =
             greedy_in_tiles(&last.candidates.tree, &scaled, self.options.rules.beta, &order, &[], self.progress)?;
@@ -186,7 +205,7 @@ fn merged<'a, T: Copy + 'a>(
 }
 
 /// The threshold at some candidates of the finest pool, held under the gaps of the domain.
-fn under_threshold(g: &[f64], held: &[f64], factor: f64, members: &[u32]) -> Vec<f64> {
+fn under_threshold(g: &[f64], held: &[f64], factor: f64, members: impl Iterator<Item = u32>) -> Vec<f64> {
     let own = threshold(g, factor);
-    members.iter().map(|&k| own[k as usize].min(held[k as usize])).collect()
+    members.map(|k| own[k as usize].min(held[k as usize])).collect()
 }

@@ -12,6 +12,10 @@ use crate::progress::Progress;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use rayon::prelude::*;
+
+/// Rows that one thread widens in one go.
+const WIDENED_AT_ONCE: usize = 4096;
 
 /// Adds this file's functions to the module.
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -34,8 +38,18 @@ fn rows<'a, T: numpy::Element, const K: usize>(
 }
 
 fn index_array<'py, const K: usize>(py: Python<'py>, rows: &[[u32; K]]) -> PyResult<Bound<'py, PyArray2<i64>>> {
-    let flat: Vec<i64> = rows.iter().flatten().map(|&i| if i == NONE { -1 } else { i64::from(i) }).collect();
-    flat.into_pyarray(py).reshape([rows.len(), K])
+    array(py, wide(rows))
+}
+
+fn array<'py, const K: usize>(py: Python<'py>, rows: Vec<[i64; K]>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    let n = rows.len();
+    rows.into_flattened().into_pyarray(py).reshape([n, K])
+}
+
+/// Rows of indices as NumPy has them.
+fn wide<const K: usize>(rows: &[[u32; K]]) -> Vec<[i64; K]> {
+    let wide = |i: u32| if i == NONE { -1 } else { i64::from(i) };
+    rows.par_iter().with_min_len(WIDENED_AT_ONCE).map(|row| row.map(wide)).collect()
 }
 
 #[pyfunction(name = "delaunay")]
@@ -172,9 +186,30 @@ fn py_hierarchy<'py>(
         Some(layer) => hierarchy_in_layers(&input, layer, options, progress),
         None => hierarchy(&input, options, progress),
     };
+    // what is large is made wide by all threads
+    let work = |progress: &Progress| {
+        let (levels, stopped, g) = work(progress)?;
+        Ok((levels.into_iter().map(Wide::new).collect::<Vec<_>>(), stopped, g))
+    };
     let (levels, stopped, g) = run(py, threads, progress.as_ref(), work)?;
     let levels = levels.into_iter().map(|level| wrap(py, level)).collect::<PyResult<_>>()?;
     Ok((levels, name_of(stopped), g.into_pyarray(py)))
+}
+
+/// A level with its nodes and cells as NumPy has them.
+struct Wide {
+    nodes: Vec<i64>,
+    cells: Vec<[i64; 3]>,
+    /// The rest.
+    level: Level,
+}
+
+impl Wide {
+    fn new(mut level: Level) -> Self {
+        let (nodes, cells) = (std::mem::take(&mut level.mesh.nodes), std::mem::take(&mut level.mesh.cells));
+        let nodes = nodes.as_chunks::<1>().0;
+        Wide { nodes: wide(nodes).into_flattened(), cells: wide(&cells), level }
+    }
 }
 
 #[pyfunction(name = "line_hierarchy")]
@@ -209,11 +244,11 @@ fn wrap_line<'py>(py: Python<'py>, level: LineLevel) -> PyResult<Bound<'py, PyDi
     Ok(out)
 }
 
-fn wrap<'py>(py: Python<'py>, level: Level) -> PyResult<Bound<'py, PyDict>> {
+fn wrap<'py>(py: Python<'py>, Wide { nodes, cells, level }: Wide) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let mesh = level.mesh;
-    out.set_item("nodes", mesh.nodes.iter().map(|&i| i64::from(i)).collect::<Vec<_>>().into_pyarray(py))?;
-    out.set_item("cells", index_array(py, &mesh.cells)?)?;
+    out.set_item("nodes", nodes.into_pyarray(py))?;
+    out.set_item("cells", array(py, cells)?)?;
     out.set_item("cell_tags", mesh.cell_tags.into_pyarray(py))?;
     out.set_item("facets", index_array(py, &mesh.facets)?)?;
     out.set_item("facet_cells", index_array(py, &mesh.facet_cells)?)?;

@@ -60,6 +60,12 @@ impl<'a, const D: usize> Free<'a, D> {
         &self.open[leaf - self.first_leaf]
     }
 
+    /// The f of a candidate.
+    #[inline(always)]
+    pub(super) fn spacing(&self, position: usize) -> f64 {
+        self.f[position]
+    }
+
     /// The f of a candidate if it is free.
     #[inline(always)]
     fn f(&self, position: usize) -> Option<f64> {

@@ -43,7 +43,7 @@ fn step(f: f64) -> u16 {
 /// Sorts ascending candidates by descending f in steps of about an eighth of an octave, ties by candidate.
 pub fn rank(order: &mut [u32], f: &[f64]) {
     let keys: Vec<u16> = order.iter().map(|&k| step(f[k as usize])).collect();
-    let (sorted, _) = sorted_by_step(order, &keys, |_| 0, 1);
+    let (sorted, _) = sorted_by_step(&keys, |i| (0, order[i]), 1);
     order.copy_from_slice(&sorted);
 }
 
@@ -69,27 +69,76 @@ pub fn greedy_in_tiles<const D: usize>(
     } else {
         keep
     };
-    let tiles = Tiles::new(tree, beta);
-    let positions = tree.positions();
-    let last = tiles.count();
-    let (steps, places): (Vec<u16>, Vec<u16>) = order
-        .par_iter()
-        .map(|&k| {
-            let own = f[k as usize];
-            (step(own), tiles.place(positions[k as usize] as usize, own))
-        })
-        .unzip();
-    let (sorted, starts) = sorted_by_step(order, &steps, |i| places[i] as usize, last + 1);
-    let board = prepared(tree, f, &sorted, keep);
+    let board = prepared(tree, f, order, keep);
     let free = Free::new(&board.tree, Rule::new(beta), board.weights);
     free.block_conflicts(&board.kept, progress)?;
+    let all = tree.positions();
+    let candidate = |i: usize| Candidate {
+        f: f[order[i] as usize],
+        position: all[order[i] as usize],
+        own_position: board.positions[i],
+    };
+    let has_joined = in_tiles(tree, &free, beta, order.len(), candidate, progress)?;
+    let joined = order.par_iter().zip(&board.positions).filter(|&(_, &p)| has_joined[p as usize]);
+    Ok(joined.map(|(&k, _)| k).collect())
+}
+
+/// The same among all points from index `first` on, with nothing kept, for f in leaf order.
+pub fn greedy_of_all<const D: usize>(
+    tree: &KdTree<D>,
+    mut f: Vec<f64>,
+    beta: f64,
+    first: u32,
+    progress: &Progress,
+) -> Result<Vec<u32>, Error> {
+    let (others, positions) = tree.positions().split_at(first as usize);
+    others.iter().for_each(|&p| f[p as usize] = f64::NAN);
+    let free = Free::new(tree, Rule::new(beta), f);
+    let candidate = |i: usize| {
+        let position = positions[i];
+        Candidate { f: free.spacing(position as usize), position, own_position: position }
+    };
+    let has_joined = in_tiles(tree, &free, beta, positions.len(), candidate, progress)?;
+    let joined = (first..tree.len() as u32).into_par_iter().zip(positions).filter(|&(_, &p)| has_joined[p as usize]);
+    Ok(joined.map(|(k, _)| k).collect())
+}
+
+/// What a greedy pass is told of a candidate.
+struct Candidate {
+    f: f64,
+    /// In the tree of the tiles.
+    position: u32,
+    /// In the tree of those that are free.
+    own_position: u32,
+}
+
+/// The greedy pass over candidates that are numbered along a space-filling curve: whether a leaf position has joined.
+fn in_tiles<const D: usize>(
+    tree: &KdTree<D>,
+    free: &Free<'_, D>,
+    beta: f64,
+    count: usize,
+    candidate: impl Fn(usize) -> Candidate + Sync,
+    progress: &Progress,
+) -> Result<Vec<bool>, Error> {
+    let tiles = Tiles::new(tree, beta);
+    let last = tiles.count();
+    let (steps, places): (Vec<u16>, Vec<u16>) = (0..count)
+        .into_par_iter()
+        .map(|i| {
+            let Candidate { f, position, .. } = candidate(i);
+            (step(f), tiles.place(position as usize, f))
+        })
+        .unzip();
+    let place = |i: usize| (places[i] as usize, candidate(i).own_position);
+    let (sorted, starts) = sorted_by_step(&steps, place, last + 1);
     let take = |range: Range<usize>, joined: &mut Vec<u32>| {
-        for k in range {
-            let p = board.positions[k] as usize;
+        for &position in &sorted[range] {
+            let p = position as usize;
             if let Some(f) = free.take(p) {
                 let (start, x) = (free.tree.leaf_of(p), &free.tree.points()[p]);
                 free.conflicts(start, x, f, |leaf, bits| free.block(leaf, bits));
-                joined.push(sorted[k]);
+                joined.push(position);
             }
         }
     };
@@ -112,9 +161,9 @@ pub fn greedy_in_tiles<const D: usize>(
         progress.check()?;
         take(bounds[last].0..bounds[last].1, &mut joined);
     }
-    let mut has_joined = vec![false; tree.len()];
-    joined.iter().for_each(|&k| has_joined[k as usize] = true);
-    Ok(order.par_iter().copied().filter(|&k| has_joined[k as usize]).collect())
+    let mut has_joined = vec![false; free.tree.len()];
+    joined.iter().for_each(|&p| has_joined[p as usize] = true);
+    Ok(has_joined)
 }
 
 /// Subtrees of one depth.
@@ -149,23 +198,24 @@ impl<'a, const D: usize> Tiles<'a, D> {
     }
 }
 
-/// Stable counting sort by (step, place); also start and end of each place (`places` of them) in each step there is.
+/// Stable counting sort by (step, place): `at` gives the place and what is sorted. Also start and end of each place
+/// (`places` of them) in each step there is.
 fn sorted_by_step(
-    order: &[u32],
     steps: &[u16],
-    place: impl Fn(usize) -> usize + Sync,
+    at: impl Fn(usize) -> (usize, u32) + Sync,
     places: usize,
 ) -> (Vec<u32>, Vec<(usize, usize)>) {
+    let n = steps.len();
     let (least, most) = steps.iter().fold((u16::MAX, 0), |(a, b), &s| (a.min(s), b.max(s)));
     let buckets = places * (usize::from(most) + 1).saturating_sub(usize::from(least));
-    let bucket = |i: usize| usize::from(steps[i] - least) * places + place(i);
+    let bucket = |i: usize, place: usize| usize::from(steps[i] - least) * places + place;
     // where f has a great range, counts of many portions would be more than what is sorted
     let size = SORTED_AT_ONCE.max(COUNTED * buckets);
-    let portion = |first: usize| first..order.len().min(first + size);
-    let firsts: Vec<usize> = (0..order.len()).step_by(size).collect();
+    let portion = |first: usize| first..n.min(first + size);
+    let firsts: Vec<usize> = (0..n).step_by(size).collect();
     let count = |&first: &usize| {
         let mut counts = vec![0; buckets];
-        portion(first).for_each(|i| counts[bucket(i)] += 1);
+        portion(first).for_each(|i| counts[bucket(i, at(i).0)] += 1);
         counts
     };
     // counts become the places where each portion begins in a bucket
@@ -178,12 +228,14 @@ fn sorted_by_step(
         }
         bounds.push((first, start));
     }
+    let (at, bucket) = (&at, &bucket);
     let places = firsts.into_par_iter().zip(starts).flat_map_iter(|(first, mut next)| {
         portion(first).map(move |i| {
-            let next = &mut next[bucket(i)];
+            let (place, value) = at(i);
+            let next = &mut next[bucket(i, place)];
             *next += 1;
-            (*next - 1, order[i])
+            (*next - 1, value)
         })
     });
-    (scattered(vec![0; order.len()], places), bounds)
+    (scattered(vec![0; n], places), bounds)
 }

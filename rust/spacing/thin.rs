@@ -42,7 +42,7 @@ impl<const D: usize> CoarseSpacing<'_, D> {
                         known.is_some_and(|(factor, f)| f[tree.order()[p] as usize] < enough(factor * self.g[p]))
                             || least_cone(leaf, all.clone(), &tree.points()[p]) < enough(weight(p))
                     };
-                    let has_cap = |p: usize| self.cap.as_ref().is_some_and(|cap| cap.at[p] < f64::INFINITY);
+                    let has_cap = |p: usize| self.cap.as_ref().is_some_and(|cap| cap.at(p) < f64::INFINITY);
                     let lightest = all.clone().find(|&p| level.weights(p) == level.least[leaf]);
                     for first in all.clone().step_by(LEAF) {
                         let range = first..all.end.min(first + LEAF);
@@ -59,8 +59,9 @@ impl<const D: usize> CoarseSpacing<'_, D> {
             })
             .collect();
         let sites = sites.concat();
-        let at_sites = |values: &[f64]| -> Vec<f64> { sites.par_iter().map(|&p| values[p as usize]).collect() };
-        let cap = self.cap.as_ref().map(|cap| at_sites(&cap.at));
-        CoarseSpacing::over(Cow::Owned(tree.subset(&sites)), &at_sites(&self.g), cap.as_deref(), self.gradation)
+        // the points of a subset are in leaf order
+        let (tree, g) = (tree.subset(&sites), sites.par_iter().map(|&p| self.g[p as usize]).collect());
+        let cap = self.cap.as_ref().map(|cap| cap.subset(&tree, &sites));
+        CoarseSpacing::over(Cow::Owned(tree), Cow::Owned(g), cap, self.gradation)
     }
 }

@@ -3,8 +3,9 @@
 //! Queries go in blocks of neighbours: one walk serves a block, with its box in place of the point, and starts from what
 //! is known already: C g at the query itself, and the site that won at the query before.
 
+use super::CoarseSpacing;
+use super::cap::{Cap, veiled};
 use super::few::Few;
-use super::{Cap, CoarseSpacing};
 use crate::kdtree::Bounds;
 use crate::lanes;
 use crate::point::{Point, distance};
@@ -47,7 +48,7 @@ pub(super) struct Home {
 impl<const D: usize, const K: usize> Level<'_, '_, D, K> {
     #[inline(always)]
     pub(super) fn weights(&self, position: usize) -> [f64; K] {
-        let (g, cap) = (self.spacing.g[position], self.spacing.cap.as_ref().map(|cap| cap.at[position]));
+        let (g, cap) = (self.spacing.g[position], self.spacing.cap.as_ref().map(|cap| cap.at(position)));
         self.factors.map(|factor| {
             let grown = factor * g;
             cap.filter(|&cap| cap < grown).unwrap_or(grown)
@@ -75,8 +76,8 @@ impl<const D: usize, const K: usize> Level<'_, '_, D, K> {
         let range = lanes::whole(&range, tree.len());
         let (points, g) = (&tree.points()[range.clone()], &self.spacing.g[range.clone()]);
         match self.cap_in(node) {
-            Some(cap) => lanes::least_of(points, [g, &cap.at[range]], |p, [g, cap]| {
-                let way = slope * distance(p, x);
+            Some(cap) => lanes::least_of(points, [g, &cap.veiled[range]], |p, [g, cap]| {
+                let (way, cap) = (slope * distance(p, x), veiled(cap));
                 factors.map(|factor| {
                     let grown = factor * g;
                     (if cap < grown { cap } else { grown }) + way

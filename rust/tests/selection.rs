@@ -88,11 +88,7 @@ proptest! {
         part in 0..=90usize,
     ) {
         let (tree, progress) = (KdTree::new(&points), Progress::default());
-        let known = {
-            let mut all = order.clone();
-            all.sort_unstable();
-            Known::new(&tree, f.clone(), beta, &all, &progress)?
-        };
+        let known = Known::new(&tree, tree.in_leaf_order(&f), beta, 0, &progress)?;
         let lower: Vec<f64> = f.iter().zip(lowered.iter().cycle()).map(|(f, share)| f * share).collect();
         let mut asked: Vec<u32> = order.iter().take(part).copied().filter(|i| !keep.contains(i)).collect();
         asked.sort_unstable();
@@ -103,6 +99,16 @@ proptest! {
         expected.extend(begun);
         expected.sort_unstable();
         prop_assert_eq!(greedy_after(&tree, &lower, beta, |i| asked.contains(&i), &keep, &known, &progress)?, expected);
+    }
+
+    #[test]
+    fn a_known_set_is_that_of_all_in_tiles((points, f, beta, _, _) in case::<2>(90), first in 0..90usize) {
+        let (tree, progress) = (KdTree::new(&points), Progress::default());
+        let first = first.min(points.len()) as u32;
+        let known = Known::new(&tree, tree.in_leaf_order(&f), beta, first, &progress)?;
+        let all: Vec<u32> = (first..points.len() as u32).collect();
+        prop_assert_eq!(known.set, greedy_in_tiles(&tree, &f, beta, &all, &[], &progress)?);
+        prop_assert_eq!(known.f, f);
     }
 
     #[test]

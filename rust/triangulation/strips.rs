@@ -34,7 +34,8 @@ const LEAST_SINE: f64 = 1e-6;
 pub(super) fn in_strips(points: &[Point<2>], ends: &[[u32; 2]], columns: usize) -> Result<Option<Vec<Cell>>, Error> {
     let Some(strips) = Strips::new(points, columns) else { return Ok(None) };
     let count = strips.cuts.len() + 1;
-    let mut members = vec![Vec::with_capacity(points.len() / count + points.len() / 8); count];
+    let room = points.len() / count + points.len() / 8;
+    let mut members: Vec<Vec<u32>> = (0..count).map(|_| Vec::with_capacity(room)).collect();
     // strip of each point and its number there
     let mut places = Vec::with_capacity(points.len());
     for (i, p) in points.iter().enumerate() {
