@@ -14,6 +14,8 @@
 // coordinates of several points are walked together; an iterator over one of them hides the formula
 #![allow(clippy::needless_range_loop)]
 
+mod build;
+
 use crate::point::{Point, distance_2};
 use crate::remaining::remaining_from;
 use rayon::prelude::*;
@@ -129,12 +131,6 @@ pub struct KdTree<const D: usize> {
     starts: Option<Vec<u32>>,
 }
 
-#[derive(Clone, Copy)]
-struct Item<const D: usize> {
-    point: Point<D>,
-    index: u32,
-}
-
 impl<const D: usize> KdTree<D> {
     /// Builds the tree of finite points, fewer than 2³² of them.
     ///
@@ -145,17 +141,11 @@ impl<const D: usize> KdTree<D> {
 
     /// The same, of `n` points by their numbers.
     pub fn of(n: usize, point: impl Fn(usize) -> Point<D> + Sync) -> Self {
-        let mut items: Vec<Item<D>> =
-            (0..n).into_par_iter().map(|i| Item { point: point(i), index: i as u32 }).collect();
         let mut first_leaf = 1;
-        while items.len().div_ceil(first_leaf) > LEAF {
+        while n.div_ceil(first_leaf) > LEAF {
             first_leaf *= 2;
         }
-        let whole = items.len();
-        arrange(&mut items, 1, whole, first_leaf);
-        let order = items.par_iter().map(|item| item.index).collect();
-        let points: Vec<Point<D>> = items.par_iter().map(|item| item.point).collect();
-        drop(items);
+        let (points, order) = build::in_leaf_order(n, point, first_leaf);
         KdTree { points, order, positions: OnceLock::new(), bounds: Vec::new(), first_leaf, starts: None }.boxed()
     }
 
@@ -510,35 +500,4 @@ pub(crate) fn range(node: usize, n: usize) -> Range<usize> {
     let depth = node.ilog2();
     let j = node - (1 << depth);
     (j * n) >> depth..((j + 1) * n) >> depth
-}
-
-/// A number in the order of [`f64::total_cmp`].
-#[inline(always)]
-fn in_order(x: f64) -> u64 {
-    let bits = x.to_bits();
-    // all bits of negative numbers are turned, the sign only of others
-    bits ^ ((bits as i64 >> 63) as u64 | 1 << 63)
-}
-
-/// Brings the items of `node` into leaf order.
-fn arrange<const D: usize>(items: &mut [Item<D>], node: usize, whole: usize, first_leaf: usize) {
-    if node >= first_leaf {
-        items.sort_unstable_by_key(|item| (item.point.map(in_order), item.index));
-        return;
-    }
-    let bounds = Bounds::of(items.iter().map(|item| &item.point));
-    let axis = bounds.widest();
-    let middle = range(2 * node, whole).len();
-    if middle < items.len() {
-        // as one number, which is compared without a branch
-        let key = |item: &Item<D>| u128::from(in_order(item.point[axis])) << 32 | u128::from(item.index);
-        items.select_nth_unstable_by_key(middle, key);
-    }
-    let (left, right) = items.split_at_mut(middle);
-    if left.len() + right.len() > GRAIN {
-        rayon::join(|| arrange(left, 2 * node, whole, first_leaf), || arrange(right, 2 * node + 1, whole, first_leaf));
-    } else {
-        arrange(left, 2 * node, whole, first_leaf);
-        arrange(right, 2 * node + 1, whole, first_leaf);
-    }
 }

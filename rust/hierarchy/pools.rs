@@ -122,7 +122,9 @@ impl Builder<'_> {
             let all = &self.pools[0];
             let tree: &KdTree<2> = &all.candidates.tree;
             let f = match self.spacing {
-                Spacing::Function(spacing) if spacing.is_over(tree) => spacing.at_leaves(self.factor(1), self.progress)?,
+                Spacing::Function(spacing) if spacing.is_over(tree) => {
+                    spacing.at_leaves(self.factor(1), self.progress)?
+                }
                 _ => tree.in_leaf_order(&self.spacing_in(1, all)?),
             };
             let known = Known::new(tree, f, self.options.rules.beta, self.domain.len() as u32, self.progress)?;

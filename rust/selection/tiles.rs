@@ -91,8 +91,8 @@ pub fn greedy_of_all<const D: usize>(
     first: u32,
     progress: &Progress,
 ) -> Result<Vec<u32>, Error> {
-    let (others, positions) = tree.positions().split_at(first as usize);
-    others.iter().for_each(|&p| f[p as usize] = f64::NAN);
+    let (left_out, positions) = tree.positions().split_at(first as usize);
+    left_out.iter().for_each(|&p| f[p as usize] = f64::NAN);
     let free = Free::new(tree, Rule::new(beta), f);
     let candidate = |i: usize| {
         let position = positions[i];

@@ -29,11 +29,10 @@ impl Cap {
     }
 
     fn of_veiled<const D: usize>(tree: &KdTree<D>, veiled: Vec<f64>) -> Self {
-        let least = |a: &f64, b: &f64| if b < a { *b } else { *a };
-        let least_in = |range: Range<usize>| {
-            veiled[range].iter().map(|&cap| self::veiled(cap)).fold(f64::INFINITY, |a, b| least(&a, &b))
-        };
-        Cap { least: tree.folded(f64::INFINITY, least_in, least), veiled }
+        let cap = Cap { veiled, least: Vec::new() };
+        let least = |a: f64, b: f64| if b < a { b } else { a };
+        let least_in = |range: Range<usize>| range.map(|p| cap.at(p)).fold(f64::INFINITY, least);
+        Cap { least: tree.folded(f64::INFINITY, least_in, |&a, &b| least(a, b)), ..cap }
     }
 
     /// Those of some sites (leaf positions), which are those of a tree in leaf order.
