@@ -11,20 +11,22 @@
 //! Depth. The paper takes the number of levels k as given. Without one, k is the first level whose own (not nested) mesh
 //! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
 
+mod options;
 mod pools;
 
-use crate::domain::{Domain, FacetRow};
+use crate::domain::Domain;
 use crate::drop::{Dropped, Parts};
 use crate::error::Error;
 use crate::guard::{Guard, Outcome, Scene, better};
 use crate::kdtree::{GRAIN, KdTree};
-use crate::level::{Candidates, Choice, LevelMesh, Place, Rules, Triangulated, assemble, lower, select, triangulate};
+use crate::level::{Candidates, Choice, LevelMesh, Place, Triangulated, assemble, lower, select, triangulate};
 use crate::point::{NONE, Point};
 use crate::progress::Progress;
 use crate::remaining::remaining_from;
 use crate::scatter::scattered;
 use crate::selection::Known;
 use crate::spacing::{CoarseSpacing, nearest_by_leaves};
+pub use options::{CellRows, Drop, Input, Method, Options, Stopped};
 pub(crate) use pools::Pool;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -39,126 +41,6 @@ const LEAST_RATIO: f64 = 1.9;
 
 /// No hierarchy is deeper than this: a factor near 1 could ask for thousands of levels.
 pub const MAX_LEVELS: usize = 512;
-
-/// How levels are spaced.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
-    /// C-coarsening (Definition 3.3).
-    Function,
-    /// Threshold coarsening (Definition 3.4).
-    Threshold,
-    /// Independent sets of the edge skeleton: the baseline of Table 2.
-    Mis,
-}
-
-/// On which levels features of the domain under the spacing are dropped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Drop {
-    /// On none.
-    Never,
-    /// On all.
-    Always,
-    /// Where keeping them takes less than a quarter of the cells away.
-    Auto,
-}
-
-/// What a hierarchy is made from.
-pub struct Input<'a> {
-    /// Nodes.
-    pub points: &'a [Point<2>],
-    /// Facet edges.
-    pub facets: &'a [FacetRow],
-    /// Spacing at the nodes; `None` is the nearest-neighbour spacing (Definition 3.2).
-    pub spacing: Option<&'a [f64]>,
-    /// Cells, counter-clockwise.
-    pub cells: CellRows<'a>,
-}
-
-/// Cells by their corners, of either width: what crosses the border is not copied, for most hierarchies only count them.
-#[derive(Debug, Clone, Copy)]
-pub enum CellRows<'a> {
-    /// The core's own width.
-    Short(&'a [[u32; 3]]),
-    /// NumPy's width; every entry is the index of a node.
-    Long(&'a [[i64; 3]]),
-}
-
-impl CellRows<'_> {
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        match self {
-            CellRows::Short(rows) => rows.len(),
-            CellRows::Long(rows) => rows.len(),
-        }
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The corners of one.
-    pub fn get(&self, t: usize) -> [u32; 3] {
-        match self {
-            CellRows::Short(rows) => rows[t],
-            CellRows::Long(rows) => rows[t].map(|i| i as u32),
-        }
-    }
-
-    /// The corners of all.
-    pub fn iter(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
-        (0..self.len()).map(|t| self.get(t))
-    }
-}
-
-/// The options, checked by the caller.
-#[derive(Debug, Clone, Copy)]
-pub struct Options {
-    /// C > 1.
-    pub factor: f64,
-    /// Number of coarser levels, or until `coarsest`.
-    pub levels: Option<usize>,
-    /// The paper's b.
-    pub coarsest: usize,
-    /// Figure 3 or each level on its own.
-    pub nested: bool,
-    /// Spacing of the levels.
-    pub method: Method,
-    /// The parameters of one level.
-    pub rules: Rules,
-    /// Whether the spacing is held under the gaps of the domain.
-    pub keep: bool,
-    /// Whether features under the spacing are dropped.
-    pub drop: Drop,
-    /// Bound of the quality guard in radians.
-    pub min_angle: Option<f64>,
-    /// Whether coarse levels draw from pools.
-    pub pool: bool,
-    /// Cosine of the feature angle.
-    pub cos_feature: f64,
-}
-
-impl Options {
-    /// Whether a hierarchy that is built from the fine side has its last level.
-    pub fn enough(&self, levels: usize, cells: usize) -> Option<Stopped> {
-        match self.levels {
-            Some(wanted) => (levels >= wanted).then_some(Stopped::Levels),
-            None if levels >= MAX_LEVELS => Some(Stopped::Stalled),
-            None => (levels > 0 && cells <= self.coarsest).then_some(Stopped::Coarsest),
-        }
-    }
-}
-
-/// Why a hierarchy ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stopped {
-    /// The levels asked for are there.
-    Levels,
-    /// The last level has at most `coarsest` cells.
-    Coarsest,
-    /// One more level would hardly be smaller.
-    Stalled,
-}
 
 /// One coarser level.
 #[derive(Clone)]
