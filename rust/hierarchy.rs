@@ -11,6 +11,8 @@
 //! Depth. The paper takes the number of levels k as given. Without one, k is the first level whose own (not nested) mesh
 //! has at most `coarsest` cells, or the last that is smaller than the one before by more than a twentieth.
 
+mod candidates;
+mod depth;
 mod options;
 mod pools;
 
@@ -18,18 +20,17 @@ use crate::domain::Domain;
 use crate::drop::{Dropped, Parts};
 use crate::error::Error;
 use crate::guard::{Guard, Outcome, Scene, better};
-use crate::kdtree::{GRAIN, KdTree};
+use crate::kdtree::KdTree;
 use crate::level::{Candidates, Choice, LevelMesh, Place, Triangulated, assemble, lower, select, triangulate};
-use crate::point::{NONE, Point};
+use crate::point::NONE;
 use crate::progress::Progress;
-use crate::remaining::remaining_from;
 use crate::scatter::scattered;
 use crate::selection::Known;
 use crate::spacing::{CoarseSpacing, nearest_by_leaves};
+use candidates::{candidate_spacing, candidates, spacing_at_nodes};
 pub use options::{CellRows, Drop, Input, Method, Options, Stopped};
 pub(crate) use pools::Pool;
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -236,42 +237,6 @@ impl<'a> Base<'a> {
     }
 }
 
-/// All nodes as candidates: facet vertices, then interior nodes in the order of the tree's leaves, a spatial one.
-fn candidates(points: &[Point<2>], domain: &Domain) -> Candidates<'static> {
-    let facets = domain.len();
-    let mut on_facets = domain.nodes().to_vec();
-    on_facets.sort_unstable();
-    let mut nodes = vec![0; facets + points.len() - on_facets.len()];
-    let (vertices, interior) = nodes.split_at_mut(facets);
-    vertices.iter_mut().zip(0..).for_each(|(node, v)| *node = domain.copies(v)[0]);
-    interior.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, nodes)| {
-        nodes.iter_mut().zip(remaining_from(&on_facets, chunk * GRAIN)).for_each(|(node, i)| *node = i as u32);
-    });
-    let tree = KdTree::of(nodes.len(), |k| points[nodes[k] as usize]);
-    let (tree, were) = tree.numbered_from(facets as u32);
-    let before = |k: usize| k.checked_sub(facets).map_or(k, |k| were[k] as usize);
-    let nodes = (0..nodes.len()).into_par_iter().map(|k| nodes[before(k)]).collect();
-    Candidates { tree: Cow::Owned(tree), nodes: Cow::Owned(nodes) }
-}
-
-/// A given spacing at the candidates, the least of a vertex's copies.
-fn candidate_spacing(spacing: &[f64], domain: &Domain, nodes: &[u32]) -> Vec<f64> {
-    let least = |copies: &[u32]| copies.iter().map(|&i| spacing[i as usize]).fold(f64::INFINITY, f64::min);
-    let facets = (0..domain.len() as u32).map(|v| least(domain.copies(v)));
-    facets.chain(nodes[domain.len()..].iter().map(|&i| spacing[i as usize])).collect()
-}
-
-/// Values of candidates, in leaf order, at all `n` nodes, copies alike.
-fn spacing_at_nodes(g: &[f64], domain: &Domain, all: &Candidates<'_>, n: usize) -> Vec<f64> {
-    let mut at_nodes = vec![0.0; n];
-    all.tree.order().iter().zip(g).for_each(|(&k, &value)| at_nodes[all.nodes[k as usize] as usize] = value);
-    for v in 0..domain.len() as u32 {
-        let [first, others @ ..] = domain.copies(v) else { continue };
-        others.iter().for_each(|&node| at_nodes[node as usize] = at_nodes[*first as usize]);
-    }
-    at_nodes
-}
-
 impl Builder<'_> {
     pub(crate) fn factor(&self, i: usize) -> f64 {
         self.options.factor.powi(i as i32)
@@ -399,62 +364,5 @@ impl Builder<'_> {
             triangulated(&mut choice)?
         };
         Ok(Drawn { choice, f, level })
-    }
-
-    /// A depth to begin a search with: pools tell it without a selection on the fine levels.
-    pub(crate) fn roughly(&mut self) -> Result<usize, Error> {
-        let mut depth = 1;
-        if self.options.pool {
-            // a pool of interior nodes holds about C^2m nodes for each of its level
-            let share = self.factor(2 * self.lag);
-            loop {
-                let p = self.pool_for(depth)?;
-                let facets = self.domain.len();
-                let now = self.pools[p].len() - facets;
-                let before = self.pools[p.saturating_sub(1)].len() - facets;
-                let is_stalled = p > 0 && now as f64 > STALL * before as f64;
-                if now as f64 <= share * self.options.coarsest as f64 || is_stalled || depth == MAX_LEVELS {
-                    break;
-                }
-                depth += 1;
-            }
-        }
-        Ok(depth)
-    }
-
-    /// The depth of a hierarchy of open depth, and why it ends there.
-    fn depth(&mut self) -> Result<(usize, Stopped), Error> {
-        let coarsest = self.options.coarsest;
-        let mut sizes = vec![self.input.cells.len()];
-        let mut depth = self.roughly()?;
-        let mut size = |builder: &mut Self, i: usize| -> Result<usize, Error> {
-            sizes.resize(sizes.len().max(i + 1), usize::MAX);
-            if sizes[i] == usize::MAX {
-                sizes[i] = {
-                    let chosen = builder.choose(i, &Choice::default())?;
-                    builder.n_cells(&chosen.choice)
-                };
-            }
-            Ok(sizes[i])
-        };
-        while depth > 1 {
-            let (now, before) = (size(self, depth)?, size(self, depth - 1)?);
-            if before > coarsest && (now as f64) <= STALL * before as f64 {
-                break;
-            }
-            depth -= 1;
-        }
-        loop {
-            let now = size(self, depth)?;
-            if now <= coarsest {
-                return Ok((depth, Stopped::Coarsest));
-            }
-            if depth == MAX_LEVELS || size(self, depth + 1)? as f64 > STALL * now as f64 {
-                // not even the first level may be worth having
-                let worth = depth > 1 || now as f64 <= STALL * self.input.cells.len() as f64;
-                return Ok((if worth { depth } else { 0 }, Stopped::Stalled));
-            }
-            depth += 1;
-        }
     }
 }
