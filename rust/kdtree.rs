@@ -11,13 +11,13 @@
 //! Every bound is monotone in floating point: the distance to a box is made of the operations that make the distance to a
 //! point, so the rounded bound never exceeds the rounded distance to a point within. Searches are exact bit for bit.
 
-// coordinates of several points are walked together; an iterator over one of them hides the formula
-#![allow(clippy::needless_range_loop)]
-
+mod bounds;
 mod build;
+mod search;
 
-use crate::point::{Point, distance_2};
+use crate::point::Point;
 use crate::remaining::remaining_from;
+pub use bounds::Bounds;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -28,96 +28,6 @@ pub const LEAF: usize = 24;
 
 /// Below this many points a subtree is built, or a block of queries answered, by one thread.
 pub const GRAIN: usize = 8192;
-
-#[inline(always)]
-fn greater(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-/// A closed axis-parallel box; empty where `lo > hi`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bounds<const D: usize> {
-    /// Least coordinates.
-    pub lo: Point<D>,
-    /// Greatest coordinates.
-    pub hi: Point<D>,
-}
-
-impl<const D: usize> Bounds<D> {
-    /// Holds nothing.
-    pub const EMPTY: Self = Bounds { lo: [f64::INFINITY; D], hi: [f64::NEG_INFINITY; D] };
-
-    /// The tight box of some points.
-    #[inline]
-    pub fn of<'a>(points: impl IntoIterator<Item = &'a Point<D>>) -> Self {
-        let mut bounds = Self::EMPTY;
-        for p in points {
-            for k in 0..D {
-                bounds.lo[k] = if p[k] < bounds.lo[k] { p[k] } else { bounds.lo[k] };
-                bounds.hi[k] = if p[k] > bounds.hi[k] { p[k] } else { bounds.hi[k] };
-            }
-        }
-        bounds
-    }
-
-    /// The tight box of both.
-    #[inline]
-    pub fn merged(&self, other: &Self) -> Self {
-        let mut bounds = *self;
-        for k in 0..D {
-            bounds.lo[k] = if other.lo[k] < bounds.lo[k] { other.lo[k] } else { bounds.lo[k] };
-            bounds.hi[k] = if other.hi[k] > bounds.hi[k] { other.hi[k] } else { bounds.hi[k] };
-        }
-        bounds
-    }
-
-    /// Whether all that is inside lies at one location.
-    #[inline(always)]
-    pub fn is_location(&self) -> bool {
-        self.lo == self.hi
-    }
-
-    /// The axis of the longest side, the first of equals.
-    #[inline]
-    pub fn widest(&self) -> usize {
-        let mut axis = 0;
-        for k in 1..D {
-            if self.hi[k] - self.lo[k] > self.hi[axis] - self.lo[axis] {
-                axis = k;
-            }
-        }
-        axis
-    }
-
-    /// The length of the longest side.
-    #[inline]
-    pub fn width(&self) -> f64 {
-        let axis = self.widest();
-        self.hi[axis] - self.lo[axis]
-    }
-
-    /// Squared distance to a point; at most [`distance_2`] to any point inside, in floats too.
-    #[inline(always)]
-    pub fn distance_2(&self, x: &Point<D>) -> f64 {
-        let mut sum = 0.0;
-        for k in 0..D {
-            let d = greater(greater(self.lo[k] - x[k], x[k] - self.hi[k]), 0.0);
-            sum += d * d;
-        }
-        sum
-    }
-
-    /// Squared distance to another box; at most [`distance_2`] of any two points inside them, in floats too.
-    #[inline(always)]
-    pub fn gap_2(&self, other: &Self) -> f64 {
-        let mut sum = 0.0;
-        for k in 0..D {
-            let d = greater(greater(self.lo[k] - other.hi[k], other.lo[k] - self.hi[k]), 0.0);
-            sum += d * d;
-        }
-        sum
-    }
-}
 
 /// The tree (see the module).
 #[derive(Debug, Clone)]
@@ -337,160 +247,6 @@ impl<const D: usize> KdTree<D> {
         let greatest = |a: f64, b: f64| if b > a { b } else { a };
         let lowest = f64::NEG_INFINITY;
         self.folded(lowest, |range| values(range).fold(lowest, greatest), |&a, &b| greatest(a, b))
-    }
-
-    /// Branch and bound: visits the leaves whose `bound` is under the limit, the more promising child first. `visit` gets
-    /// the node and its leaf positions and returns the new limit. A node whose points all share one location is
-    /// visited whole, whatever its size: many copies of a point cost no more than one.
-    #[inline]
-    pub fn search(
-        &self,
-        mut limit: f64,
-        mut bound: impl FnMut(usize) -> f64,
-        mut visit: impl FnMut(usize, Range<usize>) -> f64,
-    ) {
-        let mut stack = [(0.0, 0); 40];
-        let mut top = 0;
-        let mut node = 1;
-        let mut open = bound(node) < limit;
-        loop {
-            if open && !self.is_end(node) {
-                let (left, right) = (2 * node, 2 * node + 1);
-                let (left_bound, right_bound) = (bound(left), bound(right));
-                let (near, near_bound, far, far_bound) = if right_bound < left_bound {
-                    (right, right_bound, left, left_bound)
-                } else {
-                    (left, left_bound, right, right_bound)
-                };
-                if far_bound < limit {
-                    stack[top] = (far_bound, far);
-                    top += 1;
-                }
-                (node, open) = (near, near_bound < limit);
-                continue;
-            }
-            if open {
-                limit = visit(node, self.range(node));
-            }
-            loop {
-                if top == 0 {
-                    return;
-                }
-                top -= 1;
-                let (waiting_bound, waiting) = stack[top];
-                if waiting_bound < limit {
-                    (node, open) = (waiting, true);
-                    break;
-                }
-            }
-        }
-    }
-
-    /// Visits every leaf, or larger node of one location, that can be reached through nodes where `enter` holds.
-    #[inline(always)]
-    pub fn descend(&self, enter: impl FnMut(usize) -> bool, visit: impl FnMut(usize, Range<usize>)) {
-        self.descend_from(1, enter, visit);
-    }
-
-    /// [`KdTree::descend`] that begins at the node `start` and goes up from there: the siblings on the way to the root
-    /// hold all the rest. Where `enter` gets narrower by what was visited, a near start saves most of the way down, and no
-    /// look at a sibling waits for the one before.
-    #[inline(always)]
-    pub fn descend_from(
-        &self,
-        start: usize,
-        mut enter: impl FnMut(usize) -> bool,
-        mut visit: impl FnMut(usize, Range<usize>),
-    ) {
-        let mut stack = [0; 40];
-        let mut above = start;
-        let mut node = start;
-        let mut open = enter(node);
-        loop {
-            let mut top = 0;
-            loop {
-                if open && !self.is_end(node) {
-                    let (left, right) = (2 * node, 2 * node + 1);
-                    let (left_open, right_open) = (enter(left), enter(right));
-                    if left_open && right_open {
-                        stack[top] = right;
-                        top += 1;
-                    }
-                    (node, open) = (if left_open { left } else { right }, left_open || right_open);
-                    continue;
-                }
-                if open {
-                    visit(node, self.range(node));
-                }
-                if top == 0 {
-                    break;
-                }
-                top -= 1;
-                (node, open) = (stack[top], true);
-            }
-            open = false;
-            while !open {
-                if above == 1 {
-                    return;
-                }
-                node = above ^ 1;
-                above /= 2;
-                open = enter(node);
-            }
-        }
-    }
-
-    /// The leaf (or larger node of one location) that is reached by the nearer child at every step.
-    #[inline]
-    pub fn leaf_near(&self, around: &Bounds<D>) -> usize {
-        let mut node = 1;
-        while !self.is_end(node) {
-            let left = self.bounds[2 * node].gap_2(around);
-            let right = self.bounds[2 * node + 1].gap_2(around);
-            node = 2 * node + usize::from(right < left);
-        }
-        node
-    }
-
-    /// The point nearest to `x` among those at a distance over 0 from `apart` (all of them where that is `None`): squared
-    /// distance and leaf position, the least original index of equals. Infinite and `None` where there is none.
-    pub fn nearest(&self, x: &Point<D>, apart: Option<&Point<D>>) -> (f64, Option<usize>) {
-        let mut best = (f64::INFINITY, u32::MAX, None);
-        self.search(
-            f64::INFINITY,
-            |node| {
-                let bounds = &self.bounds[node];
-                let excluded = bounds.is_location() && apart.is_some_and(|a| distance_2(&bounds.lo, a) == 0.0);
-                if excluded { f64::INFINITY } else { bounds.distance_2(x) }
-            },
-            |_, range| {
-                for position in range {
-                    let found = (distance_2(&self.points[position], x), self.order[position]);
-                    let allowed = apart.is_none_or(|a| distance_2(&self.points[position], a) > 0.0);
-                    if allowed && (found.0 < best.0 || (found.0 == best.0 && found.1 < best.1)) {
-                        best = (found.0, found.1, Some(position));
-                    }
-                }
-                best.0.next_up() // equal distances must be visited, for the index decides
-            },
-        );
-        (best.0, best.2)
-    }
-
-    /// Calls `found` with the leaf position and squared distance of every point nearer to `x` than `radius`.
-    pub fn ball(&self, x: &Point<D>, radius: f64, mut found: impl FnMut(usize, f64)) {
-        let radius_2 = (radius * radius).next_up();
-        self.descend(
-            |node| self.bounds[node].distance_2(x) < radius_2,
-            |_, range| {
-                for position in range {
-                    let d_2 = distance_2(&self.points[position], x);
-                    if d_2.sqrt() < radius {
-                        found(position, d_2);
-                    }
-                }
-            },
-        );
     }
 }
 
