@@ -197,15 +197,13 @@ impl<'a> Base<'a> {
         let (tree, gradation): (&KdTree<2>, f64) = (&self.all.tree, self.options.rules.gradation);
         Ok(match self.options.method {
             Method::Function | Method::Mis => {
-                let spacing = CoarseSpacing::in_leaf_order(tree, self.g, cap, gradation);
+                let spacing = CoarseSpacing::of_leaves(tree, self.g, cap, gradation);
                 Spacing::Function(if self.input.spacing.is_none() { spacing.of_nearest() } else { spacing })
             }
             Method::Threshold => {
                 let free = vec![f64::INFINITY; self.g.len()];
                 let held = match cap {
-                    Some(_) => {
-                        CoarseSpacing::in_leaf_order(tree, &free, cap, gradation).at_points(1.0, self.progress)?
-                    }
+                    Some(_) => CoarseSpacing::of_leaves(tree, &free, cap, gradation).at_points(1.0, self.progress)?,
                     None => free,
                 };
                 Spacing::Threshold { g: tree.by_index(self.g), held }

@@ -55,7 +55,7 @@ impl<const D: usize> KdTree<D> {
         while n.div_ceil(first_leaf) > LEAF {
             first_leaf *= 2;
         }
-        let (points, order) = build::in_leaf_order(n, point, first_leaf);
+        let (points, order) = build::arranged(n, point, first_leaf);
         KdTree { points, order, positions: OnceLock::new(), bounds: Vec::new(), first_leaf, starts: None }.boxed()
     }
 
@@ -229,8 +229,14 @@ impl<const D: usize> KdTree<D> {
 
     /// The least of `values` (in leaf order) in every node; NaN counts as absent.
     pub fn node_min(&self, values: &[f64]) -> Vec<f64> {
-        let least = |a: &f64, b: &f64| if b < a { *b } else { *a };
-        self.folded(f64::INFINITY, |range| values[range].iter().fold(f64::INFINITY, |a, b| least(&a, b)), least)
+        self.folded_min(|range| values[range].iter().copied())
+    }
+
+    /// The least of what leaf positions have in every node; NaN counts as absent.
+    pub fn folded_min<I: Iterator<Item = f64>>(&self, values: impl Fn(Range<usize>) -> I + Sync) -> Vec<f64> {
+        let least = |a: f64, b: f64| if b < a { b } else { a };
+        let most = f64::INFINITY;
+        self.folded(most, |range| values(range).fold(most, least), |&a, &b| least(a, b))
     }
 
     /// The greatest of `values` (in leaf order) in every node; NaN counts as absent.

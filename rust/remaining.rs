@@ -1,6 +1,6 @@
 //! Numbers that remain where a few are taken out.
 
-/// What remains of 0, 1, 2 and so on without some (ascending), from the `first`-th (from 0) on.
+/// What remains of 0, 1, 2 and so on without some (ascending, none twice), from the `first`-th (from 0) on.
 pub fn remaining_from(gone: &[u32], first: usize) -> impl Iterator<Item = usize> + '_ {
     // those before a remaining number that are gone: as many as have at most so many remaining before them
     let is_before = move |j: usize, k: usize| j < gone.len() && gone[j] as usize - j <= k;

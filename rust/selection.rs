@@ -12,7 +12,7 @@ mod known;
 mod tiles;
 
 pub use known::{Known, conflicting, greedy_after};
-pub use tiles::{greedy_in_tiles, greedy_of_all, rank};
+pub use tiles::{greedy_from, greedy_in_tiles, rank};
 
 use crate::error::Error;
 use crate::kdtree::{GRAIN, KdTree};
@@ -71,7 +71,7 @@ pub fn conflict_graph<const D: usize>(
     progress: &Progress,
 ) -> Result<Vec<[u32; 2]>, Error> {
     let rule = Rule::new(beta);
-    let weights: Vec<f64> = tree.order().iter().map(|&i| f[i as usize]).collect();
+    let weights = tree.in_leaf_order(f);
     let most = tree.node_max(&weights);
     let positions: Vec<usize> = (0..tree.len()).collect();
     let rows: Vec<Vec<[u32; 2]>> = positions

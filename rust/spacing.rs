@@ -90,7 +90,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     }
 
     /// For g in leaf order.
-    pub(crate) fn in_leaf_order(tree: &'a KdTree<D>, g: &'a [f64], cap: Option<&[f64]>, gradation: f64) -> Self {
+    pub(crate) fn of_leaves(tree: &'a KdTree<D>, g: &'a [f64], cap: Option<&[f64]>, gradation: f64) -> Self {
         Self::over(Cow::Borrowed(tree), Cow::Borrowed(g), None, gradation).held(cap)
     }
 

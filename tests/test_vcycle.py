@@ -202,7 +202,7 @@ def test_boundary_layers_take_no_more_iterations_than_other_meshes(make):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
-def test_a_solver_is_made_in_a_forked_process():
+def test_everything_is_made_in_a_forked_process():
     """Threads of the parent's pools are not there in the child."""
     script = """if True:
         import multiprocessing
@@ -212,9 +212,13 @@ def test_a_solver_is_made_in_a_forked_process():
         from coarsen import multigrid
 
         mesh = coarsen.gallery.square(30_000)
-        h, A = coarsen.hierarchy(mesh), multigrid.laplacian(mesh)
+        A = multigrid.laplacian(mesh)
+        line = coarsen.gallery.line(30_000)
 
         def make():
+            coarsen.delaunay(mesh.points)
+            coarsen.hierarchy(line)
+            h = coarsen.hierarchy(mesh)
             multigrid.solver(A, h, dirichlet="boundary")
 
         make()

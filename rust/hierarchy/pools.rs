@@ -14,7 +14,7 @@ const STEEP: f64 = 0.7;
 
 pub(crate) struct Pool<'a> {
     pub(crate) candidates: Candidates<'a>,
-    /// Candidate of the finest pool, by candidate of this one; `None` in the finest itself.
+    /// Number among all candidates, by candidate of this pool; `None` where it holds all.
     members: Option<Vec<u32>>,
     /// f at the candidates, by levels that it is known of.
     pub(crate) f: Vec<(usize, Vec<f64>)>,
@@ -23,7 +23,7 @@ pub(crate) struct Pool<'a> {
 }
 
 impl<'a> Pool<'a> {
-    /// The finest.
+    /// That of all candidates.
     pub(super) fn finest(candidates: Candidates<'a>) -> Self {
         Pool { candidates, members: None, f: Vec::new(), visits: 0 }
     }
@@ -33,7 +33,7 @@ impl<'a> Pool<'a> {
         self.candidates.nodes.len()
     }
 
-    /// The candidate of the finest pool that a candidate is.
+    /// The number of a candidate among all.
     fn member(&self, k: u32) -> u32 {
         self.members.as_ref().map_or(k, |members| members[k as usize])
     }
@@ -206,7 +206,7 @@ fn merged<'a, T: Copy + 'a>(
     std::iter::from_fn(next).map(|(&k, &value)| (k, value)).unzip()
 }
 
-/// The threshold at some candidates of the finest pool, held under the gaps of the domain.
+/// The threshold at some of all candidates, held under the gaps of the domain.
 fn under_threshold(g: &[f64], held: &[f64], factor: f64, members: impl Iterator<Item = u32>) -> Vec<f64> {
     let own = threshold(g, factor);
     members.map(|k| own[k as usize].min(held[k as usize])).collect()

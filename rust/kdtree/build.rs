@@ -26,7 +26,10 @@ const SHARE: usize = 4;
 /// Every axis is cut into bins at so many sampled points for each.
 const SAMPLED: usize = 64;
 
-/// Bins of every axis: a few thousand tiles at most.
+/// Scatters their numbers.
+const SCATTER: usize = 0x9e37_79b9;
+
+/// Bins of every axis: a few thousand tiles of each portion.
 const fn bins<const D: usize>() -> usize {
     if D < 3 { 64 } else { 16 }
 }
@@ -46,12 +49,12 @@ impl<const D: usize> Item<D> {
 }
 
 /// Points in leaf order and their original indices.
-pub(super) fn in_leaf_order<const D: usize>(
+pub(super) fn arranged<const D: usize>(
     n: usize,
     point: impl Fn(usize) -> Point<D> + Sync,
     first_leaf: usize,
 ) -> (Vec<Point<D>>, Vec<u32>) {
-    Build { n, first_leaf, tiled: TILED, together: TOGETHER, portion: PORTION }.in_leaf_order(point)
+    Build { n, first_leaf, tiled: TILED, together: TOGETHER, portion: PORTION }.arranged(point)
 }
 
 /// What is to be built, and the sizes by which.
@@ -65,21 +68,20 @@ struct Build {
 }
 
 impl Build {
-    fn in_leaf_order<const D: usize>(self, point: impl Fn(usize) -> Point<D> + Sync) -> (Vec<Point<D>>, Vec<u32>) {
+    fn arranged<const D: usize>(self, point: impl Fn(usize) -> Point<D> + Sync) -> (Vec<Point<D>>, Vec<u32>) {
         let (mut points, mut order) = (vec![[0.0; D]; self.n], vec![0; self.n]);
         let out = (&mut points[..], &mut order[..]);
         let item = |i: usize| Item { point: point(i), index: i as u32 };
-        if self.n <= self.tiled {
+        let Some(cuts) = (self.n > self.tiled).then(|| cuts(self.n, &point)).flatten() else {
             let items = (0..self.n).into_par_iter().with_min_len(GRAIN).map(item);
-            self.arrange(items.collect(), 1, out);
-        } else {
-            let cuts = cuts(self.n, &point);
-            let firsts: Vec<usize> = (0..self.n).step_by(self.portion).collect();
-            let portion = |&first: &usize| Portion::new(first..self.n.min(first + self.portion), item, &cuts);
-            let mut portions: Vec<Portion<D>> = firsts.par_iter().map(portion).collect();
-            let tiles = portions.iter_mut().flat_map(Portion::tiles).collect();
-            self.split(tiles, 1, out);
-        }
+            self.finish(items.collect(), 1, out);
+            return (points, order);
+        };
+        let firsts: Vec<usize> = (0..self.n).step_by(self.portion).collect();
+        let portion = |&first: &usize| Portion::new(first..self.n.min(first + self.portion), item, &cuts);
+        let mut portions: Vec<Portion<D>> = firsts.par_iter().map(portion).collect();
+        let tiles = portions.iter_mut().flat_map(Portion::tiles).collect();
+        self.split(tiles, 1, out);
         (points, order)
     }
 
@@ -97,18 +99,18 @@ impl Build {
         let Some(MedianBin { bin, before, .. }) = median else {
             let mut items = Vec::with_capacity(order.len());
             tiles.iter().for_each(|tile| items.extend_from_slice(tile.items));
-            return self.arrange(items, node, (points, order));
+            return self.finish(items, node, (points, order));
         };
         let within = || tiles.iter().filter(|tile| tile.bins[axis] == bin);
         let mut keys: Vec<u128> = within().flat_map(|tile| tile.items.iter().map(|item| item.key(axis))).collect();
-        let median = *keys.select_nth_unstable(middle - before).1;
+        let first_right = *keys.select_nth_unstable(middle - before).1;
         let (mut left, mut right) = (Vec::with_capacity(tiles.len()), Vec::with_capacity(tiles.len()));
         for tile in tiles {
             match tile.bins[axis].cmp(&bin) {
                 Ordering::Less => left.push(tile),
                 Ordering::Greater => right.push(tile),
                 Ordering::Equal => {
-                    let [one, other] = tile.parted(|item| item.key(axis) < median);
+                    let [one, other] = tile.parted(|item| item.key(axis) < first_right);
                     left.extend(one);
                     right.extend(other);
                 }
@@ -123,7 +125,7 @@ impl Build {
     }
 
     /// Brings items, which are those of a node, into leaf order.
-    fn arrange<const D: usize>(
+    fn finish<const D: usize>(
         self,
         mut items: Vec<Item<D>>,
         node: usize,
@@ -155,15 +157,30 @@ fn median_bin<const D: usize>(tiles: &[Tile<'_, D>], axis: usize, middle: usize)
     MedianBin { bin: bin as u8, before, count: counts[bin] }
 }
 
-/// Where the bins of every axis begin, but for the first.
-fn cuts<const D: usize>(n: usize, point: impl Fn(usize) -> Point<D>) -> [Vec<f64>; D] {
+/// Where the bins of every axis begin, but for the first; `None` where the first split would find too much in one.
+fn cuts<const D: usize>(n: usize, point: impl Fn(usize) -> Point<D>) -> Option<[Vec<f64>; D]> {
     let bins = bins::<D>();
-    let sample: Vec<Point<D>> = (0..n).step_by((n / (SAMPLED * bins)).max(1)).map(point).collect();
-    std::array::from_fn(|axis| {
+    let step = (n / (SAMPLED * bins)).max(1);
+    // not at equal steps, which may be whole rows of a grid
+    let sample: Vec<Point<D>> = (0..n / step).map(|k| point(k * step + k.wrapping_mul(SCATTER) % step)).collect();
+    let along: [Vec<f64>; D] = std::array::from_fn(|axis| {
         let mut along: Vec<f64> = sample.iter().map(|p| p[axis]).collect();
         along.sort_unstable_by(f64::total_cmp);
-        (1..bins).map(|k| along[k * along.len() / bins]).collect()
-    })
+        along
+    });
+    let cuts = along.each_ref().map(|along| (1..bins).map(|k| along[k * along.len() / bins]).collect::<Vec<f64>>());
+    let axis = Bounds::of(&sample).widest();
+    let (cuts_along, along) = (&cuts[axis], &along[axis]);
+    let bin = bin(cuts_along, along[along.len() / 2]);
+    let before = |cut: Option<&f64>| cut.map_or(along.len(), |&cut| along.partition_point(|&x| x < cut));
+    let first = if bin == 0 { 0 } else { before(cuts_along.get(bin - 1)) };
+    ((before(cuts_along.get(bin)) - first) * SHARE <= along.len()).then_some(cuts)
+}
+
+/// The bin of a coordinate.
+#[inline(always)]
+fn bin(cuts: &[f64], x: f64) -> usize {
+    cuts.partition_point(|&cut| cut <= x)
 }
 
 /// Some points, sorted by tiles.
@@ -176,8 +193,7 @@ struct Portion<const D: usize> {
 impl<const D: usize> Portion<D> {
     fn new(own: Range<usize>, item: impl Fn(usize) -> Item<D>, cuts: &[Vec<f64>; D]) -> Self {
         let bins = bins::<D>();
-        let bin = |p: &Point<D>, axis: usize| cuts[axis].partition_point(|&cut| cut <= p[axis]);
-        let tile = |p: &Point<D>| (0..D).fold(0, |tile, axis| tile * bins + bin(p, axis)) as u16;
+        let tile = |p: &Point<D>| (0..D).fold(0, |tile, axis| tile * bins + bin(&cuts[axis], p[axis])) as u16;
         let given: Vec<(u16, Item<D>)> = own.map(item).map(|item| (tile(&item.point), item)).collect();
         let mut next = vec![0; bins.pow(D as u32) + 1];
         given.iter().for_each(|(tile, _)| next[*tile as usize + 1] += 1);
@@ -277,7 +293,7 @@ mod tests {
         let mut items: Vec<Item<D>> = (0..n).map(|i| Item { point: points[i], index: i as u32 }).collect();
         arrange(&mut items, 1, n, first_leaf);
         let build = Build { n, first_leaf, tiled: together, together, portion };
-        let (in_order, order) = build.in_leaf_order(|i| points[i]);
+        let (in_order, order) = build.arranged(|i| points[i]);
         prop_assert_eq!(order, items.iter().map(|item| item.index).collect::<Vec<_>>());
         prop_assert_eq!(in_order, items.iter().map(|item| item.point).collect::<Vec<_>>());
         Ok(())

@@ -37,8 +37,9 @@ fn rows<'a, T: numpy::Element, const K: usize>(
     if rest.is_empty() { Ok(whole) } else { Err(wrong().into()) }
 }
 
+/// By this thread alone: one that waits for rayon outside of [`run`] waits for ever in a forked process.
 fn index_array<'py, const K: usize>(py: Python<'py>, rows: &[[u32; K]]) -> PyResult<Bound<'py, PyArray2<i64>>> {
-    array(py, wide(rows))
+    array(py, rows.iter().map(widened).collect())
 }
 
 fn array<'py, const K: usize>(py: Python<'py>, rows: Vec<[i64; K]>) -> PyResult<Bound<'py, PyArray2<i64>>> {
@@ -46,10 +47,13 @@ fn array<'py, const K: usize>(py: Python<'py>, rows: Vec<[i64; K]>) -> PyResult<
     rows.into_flattened().into_pyarray(py).reshape([n, K])
 }
 
-/// Rows of indices as NumPy has them.
+/// Rows of indices as NumPy has them, by all threads: within [`run`] only.
 fn wide<const K: usize>(rows: &[[u32; K]]) -> Vec<[i64; K]> {
-    let wide = |i: u32| if i == NONE { -1 } else { i64::from(i) };
-    rows.par_iter().with_min_len(WIDENED_AT_ONCE).map(|row| row.map(wide)).collect()
+    rows.par_iter().with_min_len(WIDENED_AT_ONCE).map(widened).collect()
+}
+
+fn widened<const K: usize>(row: &[u32; K]) -> [i64; K] {
+    row.map(|i| if i == NONE { -1 } else { i64::from(i) })
 }
 
 #[pyfunction(name = "delaunay")]
@@ -63,8 +67,7 @@ fn py_delaunay<'py>(
         Some(facets) => rows::<i64, 2>("facets", facets)?.iter().map(|row| row.map(|i| i as u32)).collect(),
         None => Vec::new(),
     };
-    let cells = run(py, None, None, |_| crate::triangulation::delaunay(points, &edges))?;
-    index_array(py, &cells)
+    array(py, run(py, None, None, |_| Ok(wide(&crate::triangulation::delaunay(points, &edges)?)))?)
 }
 
 /// The options that the core needs, by the names of `coarsen.options.Options`.
@@ -186,7 +189,6 @@ fn py_hierarchy<'py>(
         Some(layer) => hierarchy_in_layers(&input, layer, options, progress),
         None => hierarchy(&input, options, progress),
     };
-    // what is large is made wide by all threads
     let work = |progress: &Progress| {
         let (levels, stopped, g) = work(progress)?;
         Ok((levels.into_iter().map(Wide::new).collect::<Vec<_>>(), stopped, g))
@@ -196,7 +198,7 @@ fn py_hierarchy<'py>(
     Ok((levels, name_of(stopped), g.into_pyarray(py)))
 }
 
-/// A level with its nodes and cells as NumPy has them.
+/// A level with what is large of it, its nodes and cells, as NumPy has them.
 struct Wide {
     nodes: Vec<i64>,
     cells: Vec<[i64; 3]>,

@@ -4,7 +4,7 @@
 //! pool. It begins with that set: only near what the set loses, to points that stay or to the rim of the domain, are
 //! others to be asked.
 
-use super::{Rule, greedy_in_tiles, greedy_of_all, may_conflict};
+use super::{Rule, greedy_from, greedy_in_tiles, may_conflict};
 use crate::error::Error;
 use crate::kdtree::KdTree;
 use crate::point::distance_2;
@@ -21,7 +21,7 @@ pub struct Known {
 }
 
 impl Known {
-    /// That of [`greedy_of_all`] from index `first` on, for f in leaf order.
+    /// That of [`greedy_from`] from index `first` on, for f in leaf order.
     pub fn new<const D: usize>(
         tree: &KdTree<D>,
         f: Vec<f64>,
@@ -29,7 +29,7 @@ impl Known {
         first: u32,
         progress: &Progress,
     ) -> Result<Known, Error> {
-        Ok(Known { f: tree.by_index(&f), set: greedy_of_all(tree, f, beta, first, progress)? })
+        Ok(Known { f: tree.by_index(&f), set: greedy_from(tree, f, beta, first, progress)? })
     }
 }
 

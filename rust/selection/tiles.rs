@@ -83,8 +83,8 @@ pub fn greedy_in_tiles<const D: usize>(
     Ok(joined.map(|(&k, _)| k).collect())
 }
 
-/// The same among all points from index `first` on, with nothing kept, for f in leaf order.
-pub fn greedy_of_all<const D: usize>(
+/// The same among all points from index `first` (of at most their number) on, with nothing kept, for f in leaf order.
+pub fn greedy_from<const D: usize>(
     tree: &KdTree<D>,
     mut f: Vec<f64>,
     beta: f64,

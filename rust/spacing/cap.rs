@@ -2,7 +2,6 @@
 
 use crate::kdtree::KdTree;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Bounds of the spacing at the sites, and the least of them by node.
 #[derive(Debug)]
@@ -12,7 +11,7 @@ pub(super) struct Cap {
     pub(super) least: Vec<f64>,
 }
 
-/// A bound, which nobody calculates with, or what it stands for: its bits that differ from those of infinity. Where nothing
+/// A bound that is only kept, and never calculated with (it may be no number), or what it stands for: its bits that differ from those of infinity. Where nothing
 /// holds the spacing down these are zero, as fresh memory is, which takes no room before it is written to.
 #[inline(always)]
 pub(super) fn veiled(cap: f64) -> f64 {
@@ -29,10 +28,8 @@ impl Cap {
     }
 
     fn of_veiled<const D: usize>(tree: &KdTree<D>, veiled: Vec<f64>) -> Self {
-        let cap = Cap { veiled, least: Vec::new() };
-        let least = |a: f64, b: f64| if b < a { b } else { a };
-        let least_in = |range: Range<usize>| range.map(|p| cap.at(p)).fold(f64::INFINITY, least);
-        Cap { least: tree.folded(f64::INFINITY, least_in, |&a, &b| least(a, b)), ..cap }
+        let least = tree.folded_min(|range| veiled[range].iter().map(|&cap| self::veiled(cap)));
+        Cap { veiled, least }
     }
 
     /// Those of some sites (leaf positions), which are those of a tree in leaf order.

@@ -59,7 +59,7 @@ impl<const D: usize> CoarseSpacing<'_, D> {
             })
             .collect();
         let sites = sites.concat();
-        // the points of a subset are in leaf order
+        // the points of a subset are numbered in leaf order
         let (tree, g) = (tree.subset(&sites), sites.par_iter().map(|&p| self.g[p as usize]).collect());
         let cap = self.cap.as_ref().map(|cap| cap.subset(&tree, &sites));
         CoarseSpacing::over(Cow::Owned(tree), Cow::Owned(g), cap, self.gradation)

@@ -164,9 +164,16 @@ fn the_tree_of_no_points_answers() {
 }
 
 #[test]
+fn the_tree_of_a_large_grid_has_the_order_of_sorting() -> Result<(), TestCaseError> {
+    order_is_that_of_sorting::<2>(
+        &(0..900 * 1024).map(|k| [f64::from(k % 1024), f64::from(k / 1024)]).collect::<Vec<_>>(),
+    )
+}
+
+#[test]
 fn the_tree_does_not_depend_on_the_number_of_threads() {
     let points: Vec<Point<2>> =
-        (0..60_000u64).map(|i| [((i * 7919) % 60_013) as f64, ((i * 104_729) % 60_013 / 7) as f64]).collect();
+        (0..600_000u64).map(|i| [((i * 7919) % 600_011) as f64, ((i * 104_729) % 600_011 / 7) as f64]).collect();
     let order = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| KdTree::new(&points).order().to_vec())
