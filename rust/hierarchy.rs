@@ -257,7 +257,7 @@ impl Builder<'_> {
         self.progress.enter(2, 1)?;
         let p = self.pool_for(i)?;
         let pool = &self.pools[p];
-        self.progress.enter(2, pool.candidates.nodes.len() as u64)?;
+        self.progress.enter(2, pool.len() as u64)?;
         if self.at_hand != p {
             let places = pool.candidates.nodes.par_iter().enumerate().map(|(k, &node)| (node as usize, k as u32));
             self.candidate_of = scattered(std::mem::take(&mut self.candidate_of), places);
@@ -288,7 +288,7 @@ impl Builder<'_> {
     /// Candidates looked at to make level i from the pool at hand: the level that first draws from it bears its cost.
     pub(crate) fn visits(&self, i: usize) -> usize {
         let p = self.at_hand;
-        self.pools[p].candidates.nodes.len() + if p > 0 && i == p + self.lag { self.pools[p].visits } else { 0 }
+        self.pools[p].len() + if p > 0 && i == p + self.lag { self.pools[p].visits } else { 0 }
     }
 
     /// Makes levels 1 to `last`, coarsest first, keeping the nodes of `seeds`; returns the finest first.

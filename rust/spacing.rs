@@ -115,7 +115,7 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
     }
 
     /// f at every point of the tree, in leaf order.
-    pub(crate) fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
+    fn at_leaves(&self, factor: f64, progress: &Progress) -> Result<Vec<f64>, Error> {
         let level = self.level([factor]);
         by_leaves(&self.tree, progress, |leaves, mut found| {
             let mut winner = None;
@@ -142,10 +142,15 @@ impl<'a, const D: usize> CoarseSpacing<'a, D> {
 
     /// f at the points of a tree, by original index: this spacing's own (then as [`CoarseSpacing::at_points`]) or another.
     pub fn at_tree(&self, factor: f64, at: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
+        Ok(at.by_index(&self.at_leaves_of(factor, at, progress)?))
+    }
+
+    /// The same in leaf order.
+    pub(crate) fn at_leaves_of(&self, factor: f64, at: &KdTree<D>, progress: &Progress) -> Result<Vec<f64>, Error> {
         if self.is_over(at) {
-            return self.at_points(factor, progress);
+            return self.at_leaves(factor, progress);
         }
-        Ok(at.by_index(self.at_sorted([factor], at.points(), progress)?.as_flattened()))
+        Ok(self.at_sorted([factor], at.points(), progress)?.into_flattened())
     }
 
     /// f at any locations; fast when many neighbours are asked for together, in any order.

@@ -338,7 +338,7 @@ impl Builder<'_> {
         self.is_barred = (0..facets as u32).map(|v| !self.domain.copies(v).iter().any(is_wanted)).collect();
         let finest = &mut self.pools[0];
         let is_in = |&k: &usize| k < facets || is_wanted(&finest.candidates.nodes[k]);
-        let members: Vec<u32> = (0..finest.candidates.nodes.len()).filter(is_in).map(|k| k as u32).collect();
+        let members: Vec<u32> = (0..finest.len()).filter(is_in).map(|k| k as u32).collect();
         *finest = finest.subset(&members, finest.visits);
         self.pools.truncate(1);
         self.known = None;

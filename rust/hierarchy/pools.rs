@@ -52,11 +52,16 @@ impl<'a> Pool<'a> {
 impl Builder<'_> {
     /// f_i at the candidates of a pool.
     pub(crate) fn spacing_in(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
-        let factor = self.factor(i);
+        Ok(pool.candidates.tree.by_index(&self.spacing_by_leaves(i, pool)?))
+    }
+
+    /// The same in leaf order.
+    fn spacing_by_leaves(&self, i: usize, pool: &Pool<'_>) -> Result<Vec<f64>, Error> {
+        let (factor, tree) = (self.factor(i), &pool.candidates.tree);
         match self.spacing {
-            Spacing::Function(all) => self.sites(all, factor).at_tree(factor, &pool.candidates.tree, self.progress),
+            Spacing::Function(all) => self.sites(all, factor).at_leaves_of(factor, tree, self.progress),
             Spacing::Threshold { g, held } => {
-                let members = (0..pool.len() as u32).map(|k| pool.member(k));
+                let members = tree.order().iter().map(|&k| pool.member(k));
                 Ok(under_threshold(g, held, factor, members))
             }
         }
@@ -121,12 +126,7 @@ impl Builder<'_> {
         if self.known.is_none() {
             let all = &self.pools[0];
             let tree: &KdTree<2> = &all.candidates.tree;
-            let f = match self.spacing {
-                Spacing::Function(spacing) if spacing.is_over(tree) => {
-                    spacing.at_leaves(self.factor(1), self.progress)?
-                }
-                _ => tree.in_leaf_order(&self.spacing_in(1, all)?),
-            };
+            let f = self.spacing_by_leaves(1, all)?;
             let known = Known::new(tree, f, self.options.rules.beta, self.domain.len() as u32, self.progress)?;
             self.known = Some(known);
         }

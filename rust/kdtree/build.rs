@@ -171,10 +171,9 @@ fn cuts<const D: usize>(n: usize, point: impl Fn(usize) -> Point<D>) -> Option<[
     let cuts = along.each_ref().map(|along| (1..bins).map(|k| along[k * along.len() / bins]).collect::<Vec<f64>>());
     let axis = Bounds::of(&sample).widest();
     let (cuts_along, along) = (&cuts[axis], &along[axis]);
-    let bin = bin(cuts_along, along[along.len() / 2]);
-    let before = |cut: Option<&f64>| cut.map_or(along.len(), |&cut| along.partition_point(|&x| x < cut));
-    let first = if bin == 0 { 0 } else { before(cuts_along.get(bin - 1)) };
-    ((before(cuts_along.get(bin)) - first) * SHARE <= along.len()).then_some(cuts)
+    let median = bin(cuts_along, along[along.len() / 2]);
+    let count = along.iter().filter(|&&x| bin(cuts_along, x) == median).count();
+    (count * SHARE <= along.len()).then_some(cuts)
 }
 
 /// The bin of a coordinate.
